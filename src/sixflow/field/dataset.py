@@ -1,0 +1,130 @@
+"""The field: layout of the `xarray.Dataset` that a measurement returns and that files hold.
+
+| variable | dims | unit | meaning |
+|---|---|---|---|
+| u, v | time, y, x | px | displacement, x to the right and y down |
+| divergence, curl, stretch, shear | time, y, x | 1 | the four numbers of the displacement gradient (`sixflow.convention`) |
+| covariance | time, y, x, param, param2 | px², px, 1 | covariance of the six, in the order of `param` |
+| residual | time, y, x | 1 | zero-normalised residual: rms difference of the matched windows / rms contrast |
+| noise | time, y, x | grey | standard deviation of one frame's noise, from the residual |
+| flag | time, y, x | – | CF flag_masks, `FLAGS` |
+| frame0, frame1 | time | – | numbers of the reference and the moved frame |
+
+A point whose flag contains one of `FAILING` is NaN in every measured variable. Grid points lie on whole pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+SIX = ("u", "v", "divergence", "curl", "stretch", "shear")
+"""Names of the six numbers, in the order used everywhere."""
+
+FLAGS = {
+    "masked": 1,
+    "border": 2,
+    "low_texture": 4,
+    "unmatched": 8,
+    "outlier": 16,
+    "not_converged": 32,
+}
+"""Meaning of each bit of `flag`.
+
+masked: the point lies outside the region of interest, or on pixels without a value. border: part of the window lies
+outside the frame, the mask or the other frame; the value stands, with its larger covariance. low_texture: the window's texture
+does not rise above the noise. unmatched: the point or most of its window has left the other frame, or the windows do not look alike. outlier: the point
+contradicts its neighbours. not_converged: the last pass still moved the point.
+"""
+
+FAILING = (
+    FLAGS["masked"] | FLAGS["low_texture"] | FLAGS["unmatched"] | FLAGS["outlier"] | FLAGS["not_converged"]
+)
+"""Bits that make a point NaN; `border` alone does not."""
+
+_LONG_NAMES = {
+    "u": ("displacement to the right (x)", "px"),
+    "v": ("displacement downwards (y)", "px"),
+    "divergence": ("divergence u_x + v_y", "1"),
+    "curl": ("curl v_x - u_y, clockwise on the screen", "1"),
+    "stretch": ("stretch u_x - v_y", "1"),
+    "shear": ("engineering shear u_y + v_x", "1"),
+    "residual": ("zero-normalised residual", "1"),
+    "noise": ("standard deviation of one frame's noise", "grey"),
+}
+
+Array: TypeAlias = NDArray[Any]
+
+
+def build_field(
+    *,
+    six: Array,
+    covariance: Array,
+    residual: Array,
+    noise: Array,
+    flag: Array,
+    x: Array,
+    y: Array,
+    time: Array,
+    time_unit: str,
+    frame_numbers: Sequence[tuple[int, int]],
+    attrs: Mapping[str, Any],
+) -> xr.Dataset:
+    """Assemble the dataset described in this module.
+
+    Parameters
+    ----------
+    six : array, shape (time, y, x, 6)
+        The six numbers in the order of `SIX`; NaN where the point failed.
+    covariance : array, shape (time, y, x, 6, 6)
+    residual, noise : array, shape (time, y, x)
+    flag : uint8 array, shape (time, y, x)
+    x, y : int arrays
+        Pixel coordinates of the grid columns and rows.
+    time : float array
+        Time of the reference frame of each pair, in `time_unit` ("s" or "frame").
+    frame_numbers : sequence of (int, int)
+        Numbers of the reference and moved frame of each pair.
+    attrs : mapping
+        Settings, version, digest and resolution of the measurement.
+    """
+    grid = ("time", "y", "x")
+    variables: dict[str, Any] = {
+        name: (grid, six[..., k], {"long_name": _LONG_NAMES[name][0], "units": _LONG_NAMES[name][1]})
+        for k, name in enumerate(SIX)
+    }
+    variables["covariance"] = (
+        (*grid, "param", "param2"),
+        covariance,
+        {"long_name": "covariance of the six numbers", "units": "product of the units of param and param2"},
+    )
+    for name, values in (("residual", residual), ("noise", noise)):
+        variables[name] = (grid, values, {"long_name": _LONG_NAMES[name][0], "units": _LONG_NAMES[name][1]})
+    variables["flag"] = (
+        grid,
+        flag,
+        {
+            "long_name": "what happened at the point; 0 is measured with a complete window",
+            "flag_masks": np.array(list(FLAGS.values()), dtype=np.uint8),
+            "flag_meanings": " ".join(FLAGS),
+        },
+    )
+    numbers = np.asarray(frame_numbers, dtype=np.int64).reshape(-1, 2)
+    coordinates = {
+        "time": ("time", time, {"long_name": "time of the reference frame", "units": time_unit, "axis": "T"}),
+        "y": ("y", y, {"long_name": "row, downwards", "units": "px", "axis": "Y"}),
+        "x": ("x", x, {"long_name": "column, to the right", "units": "px", "axis": "X"}),
+        "param": ("param", np.array(SIX)),
+        "param2": ("param2", np.array(SIX)),
+        "frame0": ("time", numbers[:, 0], {"long_name": "number of the reference frame"}),
+        "frame1": ("time", numbers[:, 1], {"long_name": "number of the moved frame"}),
+    }
+    return xr.Dataset(
+        variables,
+        coordinates,
+        {"Conventions": "CF-1.11", "title": "six-parameter optical flow field"} | dict(attrs),
+    )

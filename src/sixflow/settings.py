@@ -1,0 +1,221 @@
+"""Settings of a measurement: one frozen dataclass = keyword arguments = command line = TOML file = attributes of the result."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, TypedDict, get_args
+
+from sixflow.errors import InputError
+
+Interpolation = Literal["cubic", "quintic"]
+Lighting = Literal["none", "gain+offset", "local"]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How a field is measured. Every choice that changes a number of the result is here, and nothing else.
+
+    Parameters
+    ----------
+    window : float
+        Side of the square subset of the same noise, px, at least 5. The weight is a Gaussian of
+        σ = window/√(4π) = window/3.545. Larger: less noise, less resolution.
+    step : int
+        Distance between grid points, px, at least 1. It sets the density of points, not the resolution.
+    sharpen : int
+        Number of sharpening passes, 0 to 16: finer resolution of the same window, for more noise.
+    interpolation : {"cubic", "quintic"}
+        B-spline that interpolates the moved frame; quintic has the least bias and costs more.
+    lighting : {"none", "gain+offset", "local"}
+        What may change in the light between the frames: nothing; gain and offset of each window (the
+        zero-normalised criterion); or the local mean and contrast, divided out of each frame beforehand.
+    levels : int or None
+        Number of halvings of the frame that the search for large motion starts from, 0 to 12. None chooses it from frame and
+        window.
+    passes : int
+        Upper limit of passes at full resolution, at least 1.
+    tolerance : float
+        A point has converged when a pass moves it by less than this, px, greater than 0.
+    float64 : bool
+        Compute in double precision: twice the memory, for noise-free studies.
+    pixel_size : float or None
+        Length of one pixel in the object, in `length_unit`. It changes no measured number; it lets the
+        field speak physical units.
+    length_unit : str
+        Unit of `pixel_size`.
+    frame_interval : float or None
+        Time between the two frames, s. None takes it from the time stamps where the frames have them.
+
+    Raises
+    ------
+    InputError
+        If a value is outside its range; the message names the setting, the value and the range.
+
+    Examples
+    --------
+    >>> Settings(window=41).replace(step=4)
+    Settings(window=41, step=4)
+    >>> Settings(step=0)
+    Traceback (most recent call last):
+    sixflow.errors.InputError: step=0: must be a whole number of pixels, at least 1; 8 suits a window of 31
+    """
+
+    window: float = 31
+    step: int = 8
+    sharpen: int = 0
+    interpolation: Interpolation = "cubic"
+    lighting: Lighting = "none"
+    levels: int | None = None
+    passes: int = 8
+    tolerance: float = 0.005
+    float64: bool = False
+    pixel_size: float | None = None
+    length_unit: str = "mm"
+    frame_interval: float | None = None
+
+    def __post_init__(self) -> None:
+        _require(
+            _is_number(self.window) and self.window >= 5,
+            "window",
+            self.window,
+            "must be at least 5 px; 31 is a good start",
+        )
+        _require(
+            _is_whole(self.step, 1),
+            "step",
+            self.step,
+            "must be a whole number of pixels, at least 1; 8 suits a window of 31",
+        )
+        _require(
+            _is_whole(self.sharpen, 0, 16), "sharpen", self.sharpen, "must be a whole number from 0 to 16"
+        )
+        _require_choice("interpolation", self.interpolation, get_args(Interpolation))
+        _require_choice("lighting", self.lighting, get_args(Lighting))
+        _require(
+            self.levels is None or _is_whole(self.levels, 0, 12),
+            "levels",
+            self.levels,
+            "must be from 0 to 12, or None to choose it from the frame",
+        )
+        _require(_is_whole(self.passes, 1), "passes", self.passes, "must be a whole number, at least 1")
+        _require(
+            _is_number(self.tolerance) and self.tolerance > 0,
+            "tolerance",
+            self.tolerance,
+            "must be a positive number of pixels, such as 0.005",
+        )
+        _require(isinstance(self.float64, bool), "float64", self.float64, "must be True or False")
+        for name in ("pixel_size", "frame_interval"):
+            value = getattr(self, name)
+            _require(
+                value is None or (_is_number(value) and value > 0),
+                name,
+                value,
+                "must be a positive number, or None if unknown",
+            )
+        _require(
+            isinstance(self.length_unit, str) and self.length_unit.strip() != "",
+            "length_unit",
+            self.length_unit,
+            "must name a unit, such as 'mm'",
+        )
+
+    def __repr__(self) -> str:
+        """Show only what differs from the defaults."""
+        changed = {
+            f.name: value for f in dataclasses.fields(self) if (value := getattr(self, f.name)) != f.default
+        }
+        return f"Settings({', '.join(f'{name}={value!r}' for name, value in changed.items())})"
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the Gaussian weight, px: window/√(4π)."""
+        return self.window / math.sqrt(4 * math.pi)
+
+    def replace(self, **changes: Any) -> Settings:
+        """Return the settings with some values changed.
+
+        Raises
+        ------
+        InputError
+            If a name is no setting, or a value is out of range.
+        """
+        unknown = sorted(set(changes) - _names())
+        _require(
+            not unknown,
+            ", ".join(unknown),
+            "given",
+            f"no such setting; there are {', '.join(sorted(_names()))}",
+        )
+        return dataclasses.replace(self, **changes)
+
+    def to_json(self) -> str:
+        """Return the settings as a JSON object, as they stand in a field's attributes."""
+        return json.dumps(dataclasses.asdict(self))
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> Settings:
+        """Settings from a mapping such as a parsed JSON or TOML table; names not given keep their defaults."""
+        return cls().replace(**values)
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> Settings:
+        """Settings from a TOML file, whose keys are the names of this class.
+
+        Raises
+        ------
+        InputError
+            If the file is missing or not TOML, or holds an unknown name or a bad value.
+        """
+        try:
+            values = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(
+                f"settings file {str(path)!r} cannot be read: {error}; give the path of a TOML file"
+            ) from error
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"settings file {str(path)!r} is not valid TOML: {error}") from error
+        return cls.from_mapping(values)
+
+
+class SettingsOptions(TypedDict, total=False):
+    """The fields of `Settings` as keyword arguments, for editors and type checkers."""
+
+    window: float
+    step: int
+    sharpen: int
+    interpolation: Interpolation
+    lighting: Lighting
+    levels: int | None
+    passes: int
+    tolerance: float
+    float64: bool
+    pixel_size: float | None
+    length_unit: str
+    frame_interval: float | None
+
+
+def _names() -> set[str]:
+    return {f.name for f in dataclasses.fields(Settings)}
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_whole(value: object, low: int, high: float = math.inf) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
+
+
+def _require(condition: bool, name: str, value: object, remedy: str) -> None:
+    if not condition:
+        raise InputError(f"{name}={value!r}: {remedy}")
+
+
+def _require_choice(name: str, value: object, choices: tuple[str, ...]) -> None:
+    _require(value in choices, name, value, f"must be one of {', '.join(map(repr, choices))}")
