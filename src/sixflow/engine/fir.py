@@ -1,0 +1,107 @@
+"""Separable symmetric filters with mirrored borders: the B-spline prefilter, smoothing for pyramids and local means.
+
+A symmetric filter is given by its half: weights[0] at the centre, weights[k] at both ±k. Borders are mirrored about the
+border pixel, …cb|abcdef|ed…, which is also the extension that makes the spline prefilter exact.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.compiler import kernel
+from sixflow.engine.threads import over_strips
+
+STRIP = 64
+
+
+@kernel
+def mirror(index: int, size: int) -> int:
+    """Map any index onto 0 … size − 1 by reflection about the border samples."""
+    if size == 1:
+        return 0
+    period = 2 * (size - 1)
+    index = abs(index) % period
+    return period - index if index >= size else index
+
+
+@kernel
+def _filter_rows(
+    image: NDArray[Any], half: NDArray[Any], out: NDArray[Any], pad: int, stride: int, start: int, stop: int
+) -> None:
+    """Rows start … stop of `out`; out[j, i] is the filtered image at row stride·j − pad, column stride·i − pad."""
+    height, width = image.shape
+    reach = half.size - 1
+    margin = reach + pad
+    down = np.empty(width, image.dtype)
+    line = np.empty(width + 2 * margin, image.dtype)
+    inner = width + 2 * pad
+    across = np.empty(inner, image.dtype)
+    for j in range(start, stop):
+        y = stride * j - pad
+        centre = image[mirror(y, height)]
+        for x in range(width):
+            down[x] = half[0] * centre[x]
+        for k in range(1, reach + 1):
+            above, below, weight = image[mirror(y - k, height)], image[mirror(y + k, height)], half[k]
+            for x in range(width):
+                down[x] += weight * (above[x] + below[x])
+        for x in range(width):
+            line[margin + x] = down[x]
+        for x in range(margin):
+            line[x] = down[mirror(x - margin, width)]
+            line[margin + width + x] = down[mirror(width + x, width)]
+        middle = line[reach : reach + inner]
+        for x in range(inner):
+            across[x] = half[0] * middle[x]
+        for k in range(1, reach + 1):
+            left, right, weight = line[reach - k : reach - k + inner], line[reach + k : reach + k + inner], half[k]
+            for x in range(inner):
+                across[x] += weight * (left[x] + right[x])
+        target = out[j]
+        if stride == 1:
+            for x in range(inner):
+                target[x] = across[x]
+        else:
+            for x in range(target.size):
+                target[x] = across[stride * x]
+
+
+def filter_separable(image: NDArray[Any], half: NDArray[Any], *, pad: int = 0, stride: int = 1) -> NDArray[Any]:
+    """Filter an image with the same symmetric weights along both axes.
+
+    Parameters
+    ----------
+    image : float array, shape (height, width)
+    half : float array, shape (reach + 1,)
+        Half of the symmetric weights.
+    pad : int
+        Extend the result by this many pixels on each side (its values are those of the mirrored image).
+    stride : int
+        Keep every stride-th row and column, the first included; only with pad = 0.
+
+    Returns
+    -------
+    array of the image's dtype, shape (height + 2 pad, width + 2 pad), or (⌈height/stride⌉, ⌈width/stride⌉)
+
+    Examples
+    --------
+    >>> filter_separable(np.eye(3), np.array([0.5, 0.25]))[1]
+    array([0.25 , 0.375, 0.25 ])
+    """
+    height, width = image.shape
+    if stride == 1:
+        shape = (height + 2 * pad, width + 2 * pad)
+    else:
+        shape = (-(-height // stride), -(-width // stride))
+    out = np.empty(shape, image.dtype)
+    half = half.astype(image.dtype)
+    over_strips(lambda start, stop: _filter_rows(image, half, out, pad, stride, start, stop), shape[0], STRIP)
+    return out
+
+
+def downsample(image: NDArray[Any]) -> NDArray[Any]:
+    """Halve an image: pixel (j, i) of the result lies on pixel (2j, 2i) of the image; smoothed by (1, 4, 6, 4, 1)/16."""
+    return filter_separable(image, np.array([6.0, 4.0, 1.0]) / 16, stride=2)

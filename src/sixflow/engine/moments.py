@@ -1,0 +1,268 @@
+"""Moments: Gaussian window sums of products of images, computed at the grid points only.
+
+The window is separable. First along the columns, for the grid's rows alone, with the weights w, wY, wY² (`window.moment_weights`): all
+pixel columns side by side, which is vector code. Then along the rows, for the grid's columns alone: every step-th pixel is brought
+side by side (phases), and the same code serves. A window that reaches beyond the frame sums what is there: missing weight, not
+zeros in the average.
+
+| product | moments | where |
+|---|---|---|
+| g_x², g_x g_y, g_y² | 1, X, Y, X², XY, Y² each, under w | normal equations, 0 … 17 |
+| g_x q, g_y q | 1, X, Y each, under w | normal equations, 18 … 23 |
+| r²g_x², r²g_x g_y, r²g_y² | 1, X, Y, X², XY, Y² each, under w² | sandwich, 0 … 17 |
+| 1, ∣r∣, r², I₀, I₀² | 1 each, under w | statistics, 0 … 4 |
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.compiler import kernel
+
+_TILE = 256
+
+
+@kernel
+def add_weighted(
+    lines: NDArray[Any], first: int, count: int, column: int, weights: NDArray[Any], tap: int,
+    out: NDArray[Any], at: int, orders: int, place: int, n: int,
+) -> None:  # fmt: skip
+    """out[at + k, place + x] += Σ_row weights[k, tap + row] · lines[first + row, column + x] for k < orders, x < n.
+
+    Eight rows at a time, one output and eight inputs a loop: with more, the compiler no longer proves that they do not
+    overlap, and writes scalar code. Offsets are arguments, and slices are taken of single rows, because a slice of a
+    two-dimensional array is not known to be contiguous.
+
+    Parameters
+    ----------
+    lines : array, shape (…, …)
+        `count` rows from `first`, n columns from `column` are used.
+    weights : array, shape (≥ orders, taps)
+    out : array, shape (…, …)
+    """
+    eights = count - count % 8
+    for row in range(0, eights, 8):
+        f0, f1 = lines[first + row][column : column + n], lines[first + row + 1][column : column + n]
+        f2, f3 = lines[first + row + 2][column : column + n], lines[first + row + 3][column : column + n]
+        f4, f5 = lines[first + row + 4][column : column + n], lines[first + row + 5][column : column + n]
+        f6, f7 = lines[first + row + 6][column : column + n], lines[first + row + 7][column : column + n]
+        for k in range(orders):
+            s, w = out[at + k][place : place + n], weights[k][tap + row : tap + row + 8]
+            w0, w1, w2, w3, w4, w5, w6, w7 = w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7]
+            for x in range(n):
+                left = (w0 * f0[x] + w1 * f1[x]) + (w2 * f2[x] + w3 * f3[x])
+                s[x] += left + ((w4 * f4[x] + w5 * f5[x]) + (w6 * f6[x] + w7 * f7[x]))
+    for row in range(eights, count):
+        f = lines[first + row][column : column + n]
+        for k in range(orders):
+            s, weight = out[at + k][place : place + n], weights[k, tap + row]
+            for x in range(n):
+                s[x] += weight * f[x]
+
+
+@kernel
+def _multiply(a: NDArray[Any], b: NDArray[Any], out: NDArray[Any]) -> None:
+    for x in range(a.size):
+        out[x] = a[x] * b[x]
+
+
+@kernel
+def _phases(line: NDArray[Any], first: int, out: NDArray[Any]) -> None:
+    """Bring every step-th pixel side by side: out[phase, m] = line[first + m·step + phase], 0 beyond the line."""
+    step, count = out.shape
+    width = line.size
+    for phase in range(step):
+        target = out[phase]
+        x = first + phase
+        for m in range(count):
+            target[m] = line[x] if 0 <= x < width else 0
+            x += step
+
+
+@kernel
+def _order_two(
+    columns: NDArray[Any], powers: int, at: int, weights: NDArray[Any], first: int, phases: NDArray[Any],
+    sums: NDArray[Any], out: NDArray[Any], place: int,
+) -> None:  # fmt: skip
+    """Finish the moments 1, X, Y, X², XY, Y² of one product from its column sums with w, wY, … wY^(powers − 1).
+
+    The column sums are rows at … of `columns`; the moments go to out[:, place …], out being (grid columns, moments).
+    """
+    step, n, taps = phases.shape[0], out.shape[0], weights.shape[1]
+    for power in range(powers):
+        _phases(columns[at + power], first, phases)
+        sums[:] = 0
+        for tap in range(0, taps, step):
+            count = min(step, taps - tap)
+            add_weighted(phases, 0, count, tap // step, weights, tap, sums, 0, powers - power, 0, n)
+        for k in range(powers - power):
+            target = place + (power + k) * (power + k + 1) // 2 + power
+            for i in range(n):
+                out[i, target] = sums[k, i]
+
+
+@kernel
+def _column_sums(
+    products: NDArray[Any], orders: NDArray[Any], weights: NDArray[Any], low: int, high: int,
+    grid: tuple[int, int, int], start: int, stop: int, tile: int, width: int, columns: NDArray[Any],
+) -> None:  # fmt: skip
+    """Column sums of one tile of products for the grid rows start … stop.
+
+    `products` is (count, rows, tile width) and holds the pixel rows low … high; `columns` is (grid rows, Σ orders, frame
+    width), of which the `width` columns from `tile` are written.
+    """
+    _, y0, step = grid
+    reach = weights.shape[1] // 2
+    for j in range(start, stop):
+        y = y0 + j * step
+        above, below = max(low, y - reach), min(high, y + reach + 1)
+        target = columns[j - start]
+        at = 0
+        for product in range(orders.size):
+            for k in range(orders[product]):
+                line = target[at + k]
+                for x in range(tile, tile + width):
+                    line[x] = 0
+            add_weighted(
+                products[product], above - low, below - above, 0, weights, above - y + reach,
+                target, at, orders[product], tile, width,
+            )  # fmt: skip
+            at += orders[product]
+
+
+@kernel
+def _finish(
+    columns: NDArray[Any], orders: NDArray[Any], weights: NDArray[Any], grid: tuple[int, int, int],
+    start: int, stop: int, out: NDArray[Any],
+) -> None:  # fmt: skip
+    """Row sums of all products for the grid rows start … stop."""
+    x0, _, step = grid
+    n = out.shape[1]
+    first = x0 - weights.shape[1] // 2
+    phases = np.empty((step, n + weights.shape[1] // step + 1), columns.dtype)
+    sums = np.empty((3, n), columns.dtype)
+    for j in range(start, stop):
+        at, place = 0, 0
+        for product in range(orders.size):
+            count = orders[product]
+            _order_two(columns[j - start], count, at, weights, first, phases, sums, out[j], place)
+            at += count
+            place += count * (count + 1) // 2
+
+
+@kernel
+def _rows_needed(height: int, grid: tuple[int, int, int], reach: int, start: int, stop: int) -> tuple[int, int]:
+    _, y0, step = grid
+    return max(0, y0 + start * step - reach), min(height, y0 + (stop - 1) * step + reach + 1)
+
+
+@kernel
+def moments_strip(
+    gradient_x: NDArray[Any],
+    gradient_y: NDArray[Any],
+    right: NDArray[Any],
+    weights: NDArray[Any],
+    grid: tuple[int, int, int],
+    start: int,
+    stop: int,
+    out: NDArray[Any],
+) -> None:
+    """Moments of the normal equations for the grid rows start … stop.
+
+    Parameters
+    ----------
+    gradient_x, gradient_y, right : arrays, shape (height, width)
+        From `warp`; 0 where a pixel has no partner.
+    weights : array, shape (3, 2 reach + 1)
+        From `window.moment_weights`.
+    grid : (x0, y0, step)
+    out : array, shape (grid rows, grid columns, 24)
+    """
+    height, width = gradient_x.shape
+    low, high = _rows_needed(height, grid, weights.shape[1] // 2, start, stop)
+    orders = np.array([3, 3, 3, 2, 2])
+    columns = np.empty((stop - start, 13, width), gradient_x.dtype)
+    products = np.empty((5, high - low, min(_TILE, width)), gradient_x.dtype)
+    for tile in range(0, width, _TILE):
+        end = min(tile + _TILE, width)
+        for y in range(low, high):
+            gx, gy, q = gradient_x[y][tile:end], gradient_y[y][tile:end], right[y][tile:end]
+            _multiply(gx, gx, products[0, y - low])
+            _multiply(gx, gy, products[1, y - low])
+            _multiply(gy, gy, products[2, y - low])
+            _multiply(gx, q, products[3, y - low])
+            _multiply(gy, q, products[4, y - low])
+        _column_sums(products, orders, weights, low, high, grid, start, stop, tile, end - tile, columns)
+    _finish(columns, orders, weights, grid, start, stop, out)
+
+
+@kernel
+def sandwich_strip(
+    gradient_x: NDArray[Any],
+    gradient_y: NDArray[Any],
+    residual: NDArray[Any],
+    weights: NDArray[Any],
+    grid: tuple[int, int, int],
+    start: int,
+    stop: int,
+    out: NDArray[Any],
+) -> None:
+    """Moments of the sandwich for the grid rows start … stop; `weights` are those of w², out is (rows, columns, 18)."""
+    height, width = gradient_x.shape
+    low, high = _rows_needed(height, grid, weights.shape[1] // 2, start, stop)
+    orders = np.array([3, 3, 3])
+    columns = np.empty((stop - start, 9, width), gradient_x.dtype)
+    products = np.empty((3, high - low, min(_TILE, width)), gradient_x.dtype)
+    scaled = np.empty((2, min(_TILE, width)), gradient_x.dtype)
+    zero = gradient_x.dtype.type(0)
+    for tile in range(0, width, _TILE):
+        end = min(tile + _TILE, width)
+        for y in range(low, high):
+            gx, gy, r = gradient_x[y][tile:end], gradient_y[y][tile:end], residual[y][tile:end]
+            fx, fy = scaled[0][: end - tile], scaled[1][: end - tile]
+            for x in range(end - tile):
+                s = r[x] if r[x] == r[x] else zero
+                fx[x] = s * gx[x]
+                fy[x] = s * gy[x]
+            _multiply(fx, fx, products[0, y - low])
+            _multiply(fx, fy, products[1, y - low])
+            _multiply(fy, fy, products[2, y - low])
+        _column_sums(products, orders, weights, low, high, grid, start, stop, tile, end - tile, columns)
+    _finish(columns, orders, weights, grid, start, stop, out)
+
+
+@kernel
+def statistics_strip(
+    image: NDArray[Any],
+    residual: NDArray[Any],
+    weights: NDArray[Any],
+    grid: tuple[int, int, int],
+    start: int,
+    stop: int,
+    out: NDArray[Any],
+) -> None:
+    """Window sums of 1, |r|, r², I, I² over the pixels that have a partner; out is (rows, columns, 5)."""
+    height, width = image.shape
+    low, high = _rows_needed(height, grid, weights.shape[1] // 2, start, stop)
+    orders = np.array([1, 1, 1, 1, 1])
+    columns = np.empty((stop - start, 5, width), image.dtype)
+    products = np.empty((5, high - low, min(_TILE, width)), image.dtype)
+    zero, one = image.dtype.type(0), image.dtype.type(1)
+    for tile in range(0, width, _TILE):
+        end = min(tile + _TILE, width)
+        for y in range(low, high):
+            grey, r = image[y][tile:end], residual[y][tile:end]
+            n, a, i1 = products[0, y - low], products[1, y - low], products[3, y - low]
+            for x in range(end - tile):
+                good = r[x] == r[x]
+                n[x] = one if good else zero
+                a[x] = abs(r[x]) if good else zero
+            for x in range(end - tile):
+                i1[x] = n[x] * grey[x]
+            _multiply(a[: end - tile], a, products[2, y - low])
+            _multiply(i1[: end - tile], i1, products[4, y - low])
+        _column_sums(products, orders, weights, low, high, grid, start, stop, tile, end - tile, columns)
+    _finish(columns, orders, weights, grid, start, stop, out)

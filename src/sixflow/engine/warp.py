@@ -1,0 +1,334 @@
+"""Warp: the moved frame brought back onto the reference, and what a least-squares pass needs of it.
+
+For every pixel x, with the dense displacement U (`blend`) and the moved frame's spline S₁ (`spline`)
+
+    r = S₁(x + U) − I₀(x)                          residual
+    (g_x, g_y) = D ½(I₀ + S₁(x + U))               gradient of the mean of the two frames, 8th-order differences D
+    q = g·U' − r                                    right-hand side of the total form (q = −r in increment form)
+
+U' is U less one plane over the whole frame, subtracted from all maps before and added to the solution after: exact in
+exact arithmetic, and it keeps large displacements out of single-precision sums. D acts on the *sampled* mean frame: noise that is
+stationary is uncorrelated with its own antisymmetric difference, so that noise does not bias the solution.
+
+A pixel that has no partner (outside the moved frame, masked) gets g = 0 and a NaN residual: its weight is missing.
+
+A row is interpolated in runs over which the whole-pixel part of U does not change; in a run the coefficients stand side by side
+in memory, and the compiler makes vector code of it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.blend import blend_row, hermite_basis
+from sixflow.engine.compiler import kernel
+from sixflow.engine.spline import PAD
+
+DERIVATIVE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+"""Half-weights of the 8th-order central difference."""
+
+HALO = len(DERIVATIVE)
+_D1, _D2, _D3, _D4 = DERIVATIVE
+_PAD = PAD
+
+
+@kernel
+def _weights(fraction: NDArray[Any], weights: NDArray[Any]) -> None:
+    """B-spline weights, one row per tap; a loop each, so that the compiler makes vector code."""
+    n = fraction.size
+    taps = weights.shape[0]
+    first, last = weights[0], weights[taps - 1]
+    if taps == 4:
+        for i in range(n):
+            e = 1 - fraction[i]
+            first[i] = e * e * e / 6
+        for i in range(n):
+            f = fraction[i]
+            last[i] = f * f * f / 6
+        w1, w2 = weights[1], weights[2]
+        for i in range(n):
+            f = fraction[i]
+            w1[i] = (4 - 3 * f * f * (2 - f)) / 6
+        for i in range(n):
+            e = 1 - fraction[i]
+            w2[i] = (4 - 3 * e * e * (2 - e)) / 6
+        return
+    for i in range(n):
+        e = 1 - fraction[i]
+        first[i] = e * e * e * e * e / 120
+    for i in range(n):
+        f = fraction[i]
+        last[i] = f * f * f * f * f / 120
+    w1, w2, w3, w4 = weights[1], weights[2], weights[3], weights[4]
+    for i in range(n):
+        f = fraction[i]
+        w1[i] = (26 + f * (-50 + f * (20 + f * (20 + f * (-20 + f * 5))))) / 120
+    for i in range(n):
+        e = 1 - fraction[i]
+        w4[i] = (26 + e * (-50 + e * (20 + e * (20 + e * (-20 + e * 5))))) / 120
+    for i in range(n):
+        f = fraction[i]
+        w2[i] = (66 + f * f * (-60 + f * f * (30 - 10 * f))) / 120
+    for i in range(n):
+        e = 1 - fraction[i]
+        w3[i] = (66 + e * e * (-60 + e * e * (30 - 10 * e))) / 120
+
+
+@kernel
+def _interpolate_run(
+    coefficients: NDArray[Any],
+    row: int,
+    column: int,
+    wx: NDArray[Any],
+    wy: NDArray[Any],
+    first: int,
+    last: int,
+    out: NDArray[Any],
+) -> None:
+    """Sum of taps for the pixels first … last of a row; [row, column] is the first coefficient of the first pixel.
+
+    Slices are of single rows, which the compiler knows to be contiguous.
+    """
+    n = last - first
+    target = out[first:last]
+    for i in range(n):
+        target[i] = 0
+    taps = wx.shape[0]
+    w0, w1, w2, w3 = wx[0][first:last], wx[1][first:last], wx[2][first:last], wx[3][first:last]
+    for j in range(taps):
+        source = coefficients[row + j]
+        w = wy[j][first:last]
+        c0, c1 = source[column : column + n], source[column + 1 : column + 1 + n]
+        c2, c3 = source[column + 2 : column + 2 + n], source[column + 3 : column + 3 + n]
+        for i in range(n):
+            target[i] += w[i] * (w0[i] * c0[i] + w1[i] * c1[i] + w2[i] * c2[i] + w3[i] * c3[i])
+        if taps == 6:
+            w4, w5 = wx[4][first:last], wx[5][first:last]
+            c4, c5 = source[column + 4 : column + 4 + n], source[column + 5 : column + 5 + n]
+            for i in range(n):
+                target[i] += w[i] * (w4[i] * c4[i] + w5[i] * c5[i])
+
+
+@kernel
+def warp_row(
+    coefficients: NDArray[Any],
+    moved_valid: NDArray[Any],
+    u: NDArray[Any],
+    v: NDArray[Any],
+    y: int,
+    scratch: NDArray[Any],
+    out: NDArray[Any],
+    variance: NDArray[Any],
+    noise: tuple[float, float, float],
+) -> None:
+    """Interpolate the moved frame at (x + u, y + v) along one row; NaN where that is outside or not valid.
+
+    Parameters
+    ----------
+    coefficients : array, shape (height + 2 PAD, width + 2 PAD)
+    moved_valid : uint8 array, shape (height, width), or (0, 0) where every pixel is valid
+    u, v : arrays, shape (width,)
+    scratch : array, shape (2 (degree + 1) + 2, width)
+    out : array, shape (width,)
+        The interpolated row.
+    variance : array, shape (width,), or (0,) where it is not wanted
+        Noise variance of the interpolated value, in units of the frame's.
+    noise : (float, float, float)
+        From `spline.noise_variance`.
+    """
+    width = u.size
+    rows, columns = coefficients.shape[0] - 2 * _PAD, coefficients.shape[1] - 2 * _PAD
+    taps = (scratch.shape[0] - 2) // 2
+    before = taps // 2 - 1
+    fx, fy, wx, wy = scratch[0], scratch[1], scratch[2 : 2 + taps], scratch[2 + taps :]
+    for x in range(width):
+        fx[x] = u[x] - math.floor(u[x])
+        fy[x] = v[x] - math.floor(v[x])
+    _weights(fx, wx)
+    _weights(fy, wy)
+    if variance.size:
+        a, b, c = noise
+        for x in range(width):
+            s, t = fx[x] * (1 - fx[x]), fy[x] * (1 - fy[x])
+            variance[x] = (1 + s * (a + s * (b + s * c))) * (1 + t * (a + t * (b + t * c)))
+    start = 0
+    while start < width:
+        if not (abs(u[start]) < 1e9 and abs(v[start]) < 1e9):
+            out[start] = np.nan
+            start += 1
+            continue
+        whole_u, whole_v = math.floor(u[start]), math.floor(v[start])
+        stop = start + 1
+        while stop < width and whole_u <= u[stop] < whole_u + 1 and whole_v <= v[stop] < whole_v + 1:
+            stop += 1
+        iu, iv = int(whole_u), int(whole_v)
+        row = y + iv
+        inside = 0 <= row < rows - 1 or row == rows - 1
+        first, last = max(start, -iu), min(stop, columns - iu)
+        if not inside or first >= last:
+            for x in range(start, stop):
+                out[x] = np.nan
+            start = stop
+            continue
+        for x in range(start, first):
+            out[x] = np.nan
+        for x in range(last, stop):
+            out[x] = np.nan
+        _interpolate_run(
+            coefficients,
+            row + _PAD - before,
+            first + iu + _PAD - before,
+            wx,
+            wy,
+            first,
+            last,
+            out,
+        )
+        if row == rows - 1:  # only exactly on the last row is still inside
+            for x in range(first, last):
+                if fy[x] > 0:
+                    out[x] = np.nan
+        if last + iu == columns and fx[last - 1] > 0:
+            out[last - 1] = np.nan
+        if moved_valid.size:
+            for x in range(first, last):
+                if moved_valid[row, x + iu] == 0:
+                    out[x] = np.nan
+        start = stop
+
+
+@kernel
+def warp_strip(
+    reference: NDArray[Any],
+    coefficients: NDArray[Any],
+    reference_valid: NDArray[Any],
+    moved_valid: NDArray[Any],
+    maps: NDArray[Any],
+    twist: NDArray[Any],
+    grid: tuple[int, int, int],
+    plane: NDArray[Any],
+    lighting: NDArray[Any],
+    degree: int,
+    total: bool,
+    noise: tuple[float, float, float],
+    start: int,
+    stop: int,
+    gradient_x: NDArray[Any],
+    gradient_y: NDArray[Any],
+    right: NDArray[Any],
+    residual: NDArray[Any],
+    moved: NDArray[Any],
+) -> None:
+    """Blend, warp, differentiate and combine the rows start … stop; the arrays at the end are written.
+
+    Parameters
+    ----------
+    reference : array, shape (height, width)
+    coefficients : array
+        Spline coefficients of the moved frame.
+    reference_valid, moved_valid : uint8 arrays of the frames' shapes, or of shape (0, 0) where every pixel is valid
+    maps, twist, grid : arrays (6, …) and (2, …) of the grid, and its (x0, y0, step)
+        Local affine maps, less `plane`.
+    plane : array, shape (6,)
+        (u, v at pixel (0, 0), u_x, u_y, v_x, v_y) subtracted from all maps.
+    lighting : array, shape (2, 4, rows, columns), or of size 0 where light is steady
+        Gain and offset at the grid points, moved ≈ gain·reference + offset, each with its x-slope, y-slope and twist.
+    total : bool
+        Total form (`right` = g·U' − r) or increment form (`right` = −r).
+    gradient_x, gradient_y, right : arrays, shape (height, width)
+    residual : array, shape (height, width) or (0, 0)
+        r scaled so that its variance is twice that of one frame's noise; NaN where a pixel has no partner.
+    moved : array, shape (height, width) or (0, 0)
+        The moved frame brought back; NaN where a pixel has no partner. Without lighting correction.
+    """
+    height, width = reference.shape
+    x0, y0, step = grid
+    dtype = reference.dtype
+    low, high = max(0, start - HALO), min(height, stop + HALO)
+    mean = np.empty((high - low, width + 2 * HALO), dtype)
+    difference = np.empty((high - low, width), dtype)
+    dense = np.empty((2, high - low, width), dtype)
+    line = np.empty((2, maps.shape[2]), dtype)
+    basis = np.empty((4, step), dtype)
+    hermite_basis(step, basis)
+    scratch = np.empty((2 * (degree + 1) + 2, width), dtype)
+    position = np.empty((2, width), dtype)
+    warped = np.empty(width, dtype)
+    gain = np.empty(width, dtype)
+    offset = np.empty(width, dtype)
+    variance = np.empty(width if residual.size else 0, dtype)
+    for k in range(high - low):
+        y = low + k
+        u, v = dense[0, k], dense[1, k]
+        blend_row(maps[0], maps[2], maps[3], twist[0], x0, y0, step, y, basis, line, u)
+        blend_row(maps[1], maps[4], maps[5], twist[1], x0, y0, step, y, basis, line, v)
+        base_u, base_v = plane[0] + plane[3] * y, plane[1] + plane[5] * y
+        slope_u, slope_v = plane[2], plane[4]
+        for x in range(width):
+            position[0, x] = u[x] + base_u + slope_u * x
+            position[1, x] = v[x] + base_v + slope_v * x
+        warp_row(coefficients, moved_valid, position[0], position[1], y, scratch, warped, variance, noise)
+        still = reference[y]
+        if moved.size and start <= y < stop:
+            for x in range(width):
+                moved[y, x] = warped[x]
+        if lighting.size:
+            blend_row(lighting[0, 0], lighting[0, 1], lighting[0, 2], lighting[0, 3], x0, y0, step, y, basis, line, gain)
+            blend_row(lighting[1, 0], lighting[1, 1], lighting[1, 2], lighting[1, 3], x0, y0, step, y, basis, line, offset)
+            for x in range(width):
+                warped[x] = (warped[x] - offset[x]) / gain[x]
+        if reference_valid.size:
+            for x in range(width):
+                if reference_valid[y, x] == 0:
+                    warped[x] = np.nan
+        for x in range(width):
+            r = warped[x] - still[x]
+            difference[k, x] = r
+            mean[k, x + HALO] = still[x] + (r / 2 if r == r else 0)
+        if residual.size and start <= y < stop:
+            for x in range(width):
+                residual[y, x] = difference[k, x] * math.sqrt(2 / (1 + variance[x]))
+        for x in range(HALO):  # odd extension: the gradient goes on as it was at the border
+            mean[k, x] = 2 * mean[k, HALO] - mean[k, 2 * HALO - x]
+            mean[k, width + HALO + x] = 2 * mean[k, width + HALO - 1] - mean[k, width + HALO - 2 - x]
+    for y in range(start, stop):
+        k = y - low
+        centre = mean[k]
+        l1, l2, l3, l4 = centre[3:], centre[2:], centre[1:], centre
+        r1, r2, r3, r4 = centre[5:], centre[6:], centre[7:], centre[8:]
+        target_x, target_y, target = gradient_x[y], gradient_y[y], right[y]
+        for x in range(width):
+            target_x[x] = _D1 * (r1[x] - l1[x]) + _D2 * (r2[x] - l2[x]) + _D3 * (r3[x] - l3[x]) + _D4 * (r4[x] - l4[x])
+        for x in range(width):
+            target_y[x] = 0
+        for d in range(1, HALO + 1):
+            above, below = max(y - d, 0) - low, min(y + d, height - 1) - low
+            up, down = mean[above, HALO:], mean[below, HALO:]
+            weight = DERIVATIVE[d - 1]
+            here = centre[HALO:]
+            if y - d < 0:
+                across = mean[min(d - y, height - 1) - low, HALO:]
+                edge = mean[0 - low, HALO:]
+                for x in range(width):
+                    target_y[x] += weight * (down[x] - 2 * edge[x] + across[x])
+            elif y + d > height - 1:
+                across = mean[max(2 * (height - 1) - y - d, 0) - low, HALO:]
+                edge = mean[height - 1 - low, HALO:]
+                for x in range(width):
+                    target_y[x] += weight * (2 * edge[x] - across[x] - up[x])
+            else:
+                for x in range(width):
+                    target_y[x] += weight * (down[x] - up[x])
+        u, v, r = dense[0, k], dense[1, k], difference[k]
+        for x in range(width):
+            if r[x] == r[x]:
+                motion = target_x[x] * u[x] + target_y[x] * v[x] if total else 0
+                target[x] = motion - r[x]
+            else:
+                target_x[x] = 0
+                target_y[x] = 0
+                target[x] = 0

@@ -1,0 +1,148 @@
+"""Pick from a field: one pair of frames, the size of its frames, the points of a kind."""
+
+from __future__ import annotations
+
+import json
+import operator
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sixflow.errors import InputError
+from sixflow.field.dataset import FAILING, FLAGS, SIX
+
+
+def require_field(field: object, name: str = "field") -> xr.Dataset:
+    """Return `field` if it is a dataset with the six numbers over y and x.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
+    if not isinstance(field, xr.Dataset):
+        raise InputError(
+            f"{name} is a {type(field).__name__}: give the xarray.Dataset that a measurement returns"
+        )
+    missing = [number for number in SIX if number not in field]
+    if missing:
+        raise InputError(
+            f"{name} lacks {', '.join(missing)}: give the whole dataset that a measurement returns, not a part of it"
+        )
+    if not {"y", "x"} <= set(field["u"].dims):
+        raise InputError(
+            f"{name} has the dims {field['u'].dims}: y and x are needed; select with a list or slice, "
+            "such as field.isel(x=[3]), which keeps the dim"
+        )
+    return field
+
+
+def require_variable(field: xr.Dataset, name: str) -> xr.DataArray:
+    """Return a variable of the field.
+
+    Raises
+    ------
+    InputError
+        If the field has lost it.
+    """
+    if name not in field:
+        raise InputError(f"the field has no variable {name!r}: use the dataset as it was measured or read")
+    return field[name]
+
+
+def one_pair(field: xr.Dataset, time: int) -> xr.Dataset:
+    """Return the pair of frames at position `time`, dims (y, x) with both coordinates increasing.
+
+    Parameters
+    ----------
+    field : Dataset
+        With or without the dim time.
+    time : int
+        Position along time, from 0; negative positions count from the end.
+
+    Raises
+    ------
+    InputError
+        If `time` is no whole number, or there is no such pair.
+    """
+    count = field.sizes.get("time", 1)
+    try:
+        if isinstance(time, bool):
+            raise TypeError
+        position = operator.index(time)
+    except TypeError:
+        raise InputError(
+            f"time={time!r}: must be the position of a pair, a whole number from 0 to {count - 1}"
+        ) from None
+    if not -count <= position < count:
+        raise InputError(f"time={position}: the field has {count} pair(s), positions 0 to {count - 1}")
+    pair = field.isel(time=position) if "time" in field.dims else field
+    return pair.sortby(["y", "x"]).transpose("y", "x", ...)
+
+
+def frame_shape(field: xr.Dataset) -> tuple[int, int]:
+    """Height and width of the frames, px.
+
+    Raises
+    ------
+    InputError
+        If the attribute frame_shape is missing or is not two positive whole numbers.
+    """
+    shape = np.asarray(field.attrs.get("frame_shape", [])).ravel()
+    if shape.size != 2 or not np.all(shape == np.floor(shape)) or np.any(shape < 1):
+        raise InputError(
+            f"attribute frame_shape={field.attrs.get('frame_shape')!r}: must be [height, width] of the frames in px; "
+            "set field.attrs['frame_shape']"
+        )
+    return int(shape[0]), int(shape[1])
+
+
+def stored_settings(field: xr.Dataset) -> dict[str, Any]:
+    """Return the settings in the attributes of a field; an empty mapping where there are none.
+
+    Raises
+    ------
+    InputError
+        If the attribute is not a JSON object.
+    """
+    text = field.attrs.get("settings", "{}")
+    try:
+        settings = json.loads(text)
+    except (TypeError, ValueError):
+        settings = None
+    if not isinstance(settings, dict):
+        raise InputError(f"attribute settings={text!r}: must be a JSON object, as sixflow writes it")
+    return settings
+
+
+def flagged(field: xr.Dataset, name: str) -> xr.DataArray:
+    """Return where a flag is set, bool.
+
+    Raises
+    ------
+    InputError
+        If there is no flag of this name.
+    """
+    if name not in FLAGS:
+        raise InputError(f"flag {name!r}: there is no such flag; there are {', '.join(FLAGS)}")
+    found = (require_variable(field, "flag").astype(np.int64) & FLAGS[name]) != 0
+    return found.rename(name).assign_attrs(long_name=f"points flagged {name}")
+
+
+def valid(field: xr.Dataset) -> xr.DataArray:
+    """Return where all six numbers stand: none is NaN and no failing flag is set, bool."""
+    known = xr.ones_like(field["u"], dtype=bool)
+    for name in SIX:
+        known = known & field[name].notnull()
+    if "flag" in field:
+        known = known & ((field["flag"].astype(np.int64) & FAILING) == 0)
+    return known.rename("valid").assign_attrs(long_name="points with six measured numbers")
+
+
+def masked_and_failed(pair: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the points that were not wanted and those that could not be measured; a point is never both."""
+    missing = ~valid(pair).values
+    masked = flagged(pair, "masked").values if "flag" in pair else np.zeros_like(missing)
+    return masked, missing & ~masked

@@ -1,0 +1,110 @@
+"""Formats: which module reads a file, by its suffix."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import importlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, TypeAlias, cast
+
+from numpy.typing import NDArray
+
+from sixflow.errors import FrameFileError
+
+Array: TypeAlias = NDArray[Any]
+
+
+class FrameFile(abc.ABC):
+    """One file that holds frames; each format has one subclass.
+
+    Parameters
+    ----------
+    path : Path
+        An existing, readable file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @property
+    @abc.abstractmethod
+    def count(self) -> int:
+        """Number of frames in the file."""
+
+    @abc.abstractmethod
+    def read(self, start: int = 0) -> Iterator[Array]:
+        """Yield the frames from number `start` on, as stored: shape (h, w) or (h, w, c)."""
+
+    @property
+    def times(self) -> Array | None:
+        """Time of each frame, s, shape (count,); None where the file does not say."""
+        return None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know about how the file was read; complete after the first frame."""
+        return ()
+
+    @property
+    def detail(self) -> str:
+        """Codec, rate or the like, for descriptions; may be empty."""
+        return ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Format:
+    """A kind of file: its name, its suffixes, and the class that reads it as ``module:class``."""
+
+    name: str
+    suffixes: tuple[str, ...]
+    reader: str
+    is_video: bool = False
+
+    def open(self, path: Path) -> FrameFile:
+        """Return the file, ready to be read."""
+        module, name = self.reader.split(":")
+        return cast(FrameFile, getattr(importlib.import_module(module), name)(path))
+
+
+FORMATS = (
+    Format("TIFF", (".tif", ".tiff", ".btf", ".tf8"), "sixflow.frames.tiff:TiffFile"),
+    Format("PNG", (".png",), "sixflow.frames.image:ImageFile"),
+    Format("JPEG", (".jpg", ".jpeg"), "sixflow.frames.image:ImageFile"),
+    Format("BMP", (".bmp",), "sixflow.frames.image:ImageFile"),
+    Format("PNM", (".pgm", ".ppm", ".pnm"), "sixflow.frames.image:ImageFile"),
+    Format(
+        "video",
+        (
+            *(".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".wmv"),
+            *(".mts", ".m2ts", ".ts", ".ogv", ".flv", ".y4m", ".gif"),
+        ),
+        "sixflow.frames.video:VideoFile",
+        is_video=True,
+    ),
+)
+"""The formats that can be read."""
+
+_BY_SUFFIX = {suffix: kind for kind in FORMATS for suffix in kind.suffixes}
+
+
+def find_format(path: Path) -> Format | None:
+    """Return the format of a path by its suffix, or None where it is no format of frames.
+
+    Examples
+    --------
+    >>> find_format(Path("run/A0001.TIF")).name
+    'TIFF'
+    """
+    return _BY_SUFFIX.get(path.suffix.lower())
+
+
+def require_format(path: Path) -> Format:
+    """Return the format of a path, or raise `FrameFileError` with the suffixes that can be read."""
+    found = find_format(path)
+    if found is None:
+        seen = f"the suffix {path.suffix!r} is unknown" if path.suffix else "it has no suffix"
+        known = " ".join(sorted(_BY_SUFFIX))
+        raise FrameFileError(f"{path}: {seen}; sixflow reads {known}; convert the file to TIFF or PNG")
+    return found

@@ -1,0 +1,74 @@
+"""Grey frames: one number per pixel, from whatever a file or an array holds.
+
+Colour becomes luminance, 0.2126 R + 0.7152 G + 0.0722 B (Rec. 709), taken of the stored values. It is
+returned as float32 and not rounded: rounding would add noise that the camera did not make.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.errors import InputError
+
+Array: TypeAlias = NDArray[Any]
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
+"""Weights of red, green and blue, Rec. 709."""
+
+
+def to_grey(frame: Array, name: str) -> tuple[Array, tuple[str, ...]]:
+    """Return the frame as a 2-D array, with notes on what was done to it.
+
+    Parameters
+    ----------
+    frame : array, shape (h, w) or (h, w, c)
+        Integers, floats or booleans; c is 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 (RGBA).
+    name : str
+        Name of the frame, for messages.
+
+    Returns
+    -------
+    grey : array, shape (h, w)
+        Integers and floats keep their type, booleans become 0 and 255 in uint8, float16 and colour float32.
+    notes : tuple of str
+
+    Raises
+    ------
+    InputError
+        If the array is no frame: wrong number of dimensions or channels, no pixels, or no real numbers.
+
+    Examples
+    --------
+    >>> grey, notes = to_grey(np.full((2, 2, 3), 100, dtype=np.uint8), "a.png")
+    >>> grey.shape, notes
+    ((2, 2), ('colour → luminance (Rec. 709)',))
+    """
+    frame = _as_numbers(frame, name)
+    if frame.ndim == 2 and frame.size:
+        return frame, ()
+    if frame.ndim != 3 or not frame.size or frame.shape[2] > 4:
+        raise InputError(
+            f"{name}: an array of shape {frame.shape} is no frame; a frame is (h, w) grey, "
+            "or (h, w, c) with c = 1 grey, 2 grey and alpha, 3 RGB or 4 RGBA"
+        )
+    channels = frame.shape[2]
+    notes = ("alpha channel dropped",) if channels in (2, 4) else ()
+    if channels < 3:
+        return frame[..., 0], notes
+    weights = LUMINANCE.astype(np.result_type(np.float32, frame.dtype), copy=False)
+    return frame[..., :3].astype(weights.dtype) @ weights, (*notes, "colour → luminance (Rec. 709)")
+
+
+def _as_numbers(frame: Array, name: str) -> Array:
+    if frame.dtype == bool:
+        return frame.astype(np.uint8) * np.uint8(255)
+    if frame.dtype == np.float16:
+        return frame.astype(np.float32)
+    if frame.dtype.kind not in "uif":
+        raise InputError(
+            f"{name}: values of type {frame.dtype} are no grey values; give integers, floats or booleans"
+        )
+    return frame.astype(frame.dtype.newbyteorder("="), copy=False)

@@ -1,0 +1,61 @@
+"""The grid: points on whole pixels, `step` apart, centred in the frame."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclasses.dataclass(frozen=True)
+class Grid:
+    """Points at columns x0 + i·step and rows y0 + j·step.
+
+    Examples
+    --------
+    >>> Grid.over((64, 48), 8).x
+    array([ 3, 11, 19, 27, 35, 43])
+    """
+
+    x0: int
+    y0: int
+    step: int
+    columns: int
+    rows: int
+
+    @classmethod
+    def over(cls, shape: tuple[int, int], step: int) -> Grid:
+        """Return the grid that covers a frame (height, width) to within half a step of every border."""
+        rows, columns = ((size - 1) // step + 1 for size in shape)
+        y0, x0 = ((size - 1 - (count - 1) * step) // 2 for size, count in zip(shape, (rows, columns), strict=True))
+        return cls(x0, y0, step, columns, rows)
+
+    @property
+    def x(self) -> NDArray[np.int64]:
+        """Pixel columns of the grid."""
+        return self.x0 + self.step * np.arange(self.columns)
+
+    @property
+    def y(self) -> NDArray[np.int64]:
+        """Pixel rows of the grid."""
+        return self.y0 + self.step * np.arange(self.rows)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return self.rows, self.columns
+
+    @property
+    def origin_and_step(self) -> tuple[int, int, int]:
+        """(x0, y0, step), as the kernels take it."""
+        return self.x0, self.y0, self.step
+
+    def plane(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Affine maps at the grid points of one map (u, v, u_x, u_y, v_x, v_y) about pixel (0, 0); shape (6, rows, columns)."""
+        x, y = np.meshgrid(self.x, self.y)
+        maps = np.broadcast_to(np.asarray(values, dtype=np.float64)[:, None, None], (6, *self.shape)).copy()
+        maps[0] += values[2] * x + values[3] * y
+        maps[1] += values[4] * x + values[5] * y
+        return maps

@@ -1,0 +1,144 @@
+"""Normalise: frames of any kind become finite floating-point images with a validity mask and a pyramid.
+
+Pixels without a value (NaN, ±Inf) are masked: they get zero weight, not a guessed value. A constant, the mean of the reference frame, is
+subtracted from both frames, so that single precision is spent on contrast. With `lighting="local"` the local mean and
+standard deviation of each frame, under the window's Gaussian, are divided out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sixflow.engine.fir import downsample, filter_separable
+from sixflow.engine.spline import spline_coefficients
+from sixflow.engine.window import CUT
+from sixflow.errors import InputError
+
+NO_MASK = np.empty((0, 0), dtype=np.uint8)
+"""Stands for a mask where every pixel is valid."""
+
+
+def check_frame(frame: ArrayLike, name: str) -> NDArray[Any]:
+    """Return a frame as a 2-D real array.
+
+    Raises
+    ------
+    InputError
+        If it is not a 2-D array of real numbers, is empty, has no finite pixel or no contrast.
+    """
+    array = np.asarray(frame)
+    if array.dtype.kind not in "biuf":
+        raise InputError(f"{name} has dtype {array.dtype}: frames are real grey values; take the real part, or luminance of colours")
+    if array.ndim != 2:
+        raise InputError(f"{name} has shape {array.shape}: a frame is (height, width); reduce colours to luminance first")
+    if array.size == 0:
+        raise InputError(f"{name} has shape {array.shape}: it holds no pixels")
+    return array
+
+
+@dataclasses.dataclass
+class Frame:
+    """A normalised frame: image and validity at full resolution, and what is derived from them, made once when asked for.
+
+    Attributes
+    ----------
+    image : float array, shape (height, width)
+        Grey values less a constant; pixels without a value hold that constant.
+    valid : uint8 array of the same shape, or `NO_MASK`
+        1 where the pixel counts.
+    """
+
+    image: NDArray[Any]
+    valid: NDArray[np.uint8]
+    _half: Frame | None = None
+    _coefficients: dict[int, NDArray[Any]] = dataclasses.field(default_factory=dict)
+
+    def within(self, valid: NDArray[np.uint8]) -> Frame:
+        """Return the same image with another validity mask."""
+        return self if valid is self.valid else Frame(self.image, valid)
+
+    def level(self, halvings: int) -> Frame:
+        """Return the frame halved so many times; pixel (j, i) of a halved frame lies on pixel (2j, 2i)."""
+        if halvings == 0:
+            return self
+        if self._half is None:
+            self._half = _halve(self)
+        return self._half.level(halvings - 1)
+
+    def coefficients(self, degree: int) -> NDArray[Any]:
+        """Return the B-spline coefficients of the image."""
+        if degree not in self._coefficients:
+            self._coefficients[degree] = spline_coefficients(self.image, degree)
+        return self._coefficients[degree]
+
+    def interpolable(self) -> NDArray[np.uint8]:
+        """Where the spline may be asked: valid pixels two or more away from any that is not."""
+        if not self.valid.size:
+            return self.valid
+        eroded = self.valid.copy()
+        for axis in (0, 1):
+            before = eroded.copy()
+            for shift in (1, 2):
+                _and_shifted(eroded, before, shift, axis)
+        return eroded
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes held, all levels and coefficients included."""
+        own = self.image.nbytes + self.valid.nbytes + sum(c.nbytes for c in self._coefficients.values())
+        return own + (self._half.nbytes if self._half else 0)
+
+
+def _and_shifted(target: NDArray[Any], source: NDArray[Any], shift: int, axis: int) -> None:
+    """Clear `target` where `source`, moved by ±shift along the axis, is 0."""
+    target, source = (np.moveaxis(a, axis, 0) for a in (target, source))
+    target[shift:] &= source[:-shift]
+    target[:-shift] &= source[shift:]
+
+
+def _halve(frame: Frame) -> Frame:
+    if not frame.valid.size:
+        return Frame(downsample(frame.image), NO_MASK)
+    weight = downsample(frame.valid.astype(frame.image.dtype))
+    image = downsample(frame.image * frame.valid) / np.maximum(weight, 1e-6)
+    valid = (weight > 0.5).astype(np.uint8)
+    return Frame(np.where(valid, image, 0).astype(frame.image.dtype), valid)
+
+
+def to_image(frame: NDArray[Any], constant: float, dtype: type) -> tuple[NDArray[Any], NDArray[np.uint8], int]:
+    """Return (image less the constant, validity, number of pixels without a value)."""
+    image = np.subtract(frame, constant, dtype=dtype)
+    if frame.dtype.kind != "f" or np.isfinite(np.dot(image.ravel(), image.ravel())):
+        return image, NO_MASK, 0
+    finite = np.isfinite(image)
+    image[~finite] = 0
+    missing = int(finite.size - np.count_nonzero(finite))
+    return image, (finite.astype(np.uint8) if missing else NO_MASK), missing
+
+
+def both_valid(*masks: NDArray[Any]) -> NDArray[np.uint8]:
+    """Combine validity masks, any of which may be `NO_MASK`."""
+    present = [m for m in masks if m.size]
+    if not present:
+        return NO_MASK
+    return np.logical_and.reduce(present).astype(np.uint8)
+
+
+def flatten_lighting(image: NDArray[Any], valid: NDArray[np.uint8], sigma: float) -> NDArray[Any]:
+    """Divide out the local mean and standard deviation under a Gaussian of `sigma` px (local normalisation).
+
+    Where the frame has no local contrast at all the result is 0.
+    """
+    reach = int(np.ceil(CUT * sigma))
+    half = np.exp(-((np.arange(reach + 1) / sigma) ** 2) / 2)
+    half /= half[0] + 2 * half[1:].sum()
+    counted = valid.astype(image.dtype) if valid.size else np.ones_like(image)
+    weight = np.maximum(filter_separable(counted, half), 1e-6)
+    centred = image - filter_separable(image * counted, half) / weight
+    spread = np.sqrt(np.maximum(filter_separable(centred * centred * counted, half) / weight, 0))
+    floor = 1e-3 * float(spread.max(initial=0.0))
+    return np.where(counted * (spread > floor), centred / np.maximum(spread, floor or 1), 0).astype(image.dtype)

@@ -1,0 +1,72 @@
+"""Search: coarse to fine, from no motion to a start that refinement can finish.
+
+The frames are halved until the window covers most of what is left. At each level a few total-form passes are made with the same window in that
+level's pixels, points that contradict their neighbours are replaced by what these predict, and the maps go on to the next level: displacements
+doubled, gradients as they are.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.blend import evaluate
+from sixflow.grid import Grid
+from sixflow.normalise import Frame
+from sixflow.refine import Passes, Workspace
+from sixflow.settings import Settings
+from sixflow.validate import settle
+
+FIRST_PASSES = 4
+LEVEL_PASSES = 2
+
+
+def level_count(shape: tuple[int, int], settings: Settings) -> int:
+    """Return how many halvings the search starts from: until the window spans the shorter side."""
+    if settings.levels is not None:
+        return settings.levels
+    return max(0, math.floor(math.log2(min(shape) / settings.window)))
+
+
+def search(reference: Frame, moved: Frame, grid: Grid, settings: Settings, workspace: Workspace) -> NDArray[np.float64]:
+    """Find the motion roughly.
+
+    Parameters
+    ----------
+    reference, moved : Frame
+        At full resolution.
+    grid : Grid
+        Where the start is wanted.
+
+    Returns
+    -------
+    float64 array, shape (6, rows, columns)
+        u, v, u_x, u_y, v_x, v_y at the grid points, without NaN.
+    """
+    coarse = dataclasses.replace(settings, interpolation="cubic")
+    top = level_count(reference.image.shape, settings)
+    maps: NDArray[Any] | None = None
+    found = grid
+    for level in range(top, 0, -1):
+        small, small_moved = reference.level(level), moved.level(level)
+        here = Grid.over(small.image.shape, max(2, round(settings.window / 4)))
+        maps = np.zeros((6, *here.shape)) if maps is None else finer(maps, found, here, 2.0)
+        passes = Passes(small, small_moved, here, coarse, workspace)
+        for _ in range(FIRST_PASSES if level == top else LEVEL_PASSES):
+            maps = settle(passes.solve(maps), here.step, settings.window)
+        found = here
+    if maps is None:
+        return np.zeros((6, *grid.shape))
+    return finer(maps, found, grid, 2.0)
+
+
+def finer(maps: NDArray[Any], grid: Grid, target: Grid, factor: float) -> NDArray[np.float64]:
+    """Take maps from a coarse level's grid to a grid on a level `factor` times as fine."""
+    x, y = np.meshgrid(target.x / factor, target.y / factor)
+    out = evaluate(maps, grid.x0, grid.y0, grid.step, x, y)
+    out[:2] *= factor
+    return out

@@ -1,0 +1,1 @@
+"""Motions with an exact displacement, an exact gradient, an inverse and a course in time."""

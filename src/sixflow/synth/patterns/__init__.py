@@ -1,0 +1,1 @@
+"""Patterns of grey values known analytically at every real coordinate."""

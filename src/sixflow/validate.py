@@ -1,0 +1,217 @@
+"""Validate: the normalised median test between neighbours' affine maps, and what stands in for a failed point.
+
+Westerweel and Scarano (2005), extended to affine maps: neighbour n predicts d_n + G_n(p − n) at the point p, so that a
+deforming field is no outlier. With the median m of the predictions and the median ρ of their distances from it, a point fails if
+
+    |d − m| > limit · (ρ + floor)
+
+in u or in v. Neighbours are taken half a window away, where windows begin to see other pixels.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.compiler import kernel
+from sixflow.engine.threads import over_strips
+from sixflow.field.flags import FAILING, FLAGS
+from sixflow.grid import Grid
+from sixflow.normalise import Frame
+from sixflow.settings import Settings
+
+if TYPE_CHECKING:
+    from sixflow.refine import Quality
+
+LIMIT = 3.0
+FLOOR = 0.1  # px: disagreement that is never held against a point
+
+MINIMUM_TEXTURE = 1.0  # gradient power in the weakest direction, over that of noise
+MAXIMUM_ERROR = 0.5  # px: a larger standard error is no measurement
+MAXIMUM_RESIDUAL = 1.0  # of a zero-normalised residual: correlation 0.5
+MINIMUM_WEIGHT = 0.2
+COMPLETE_WEIGHT = 0.98
+
+
+@kernel
+def _median(values: NDArray[Any], count: int) -> float:
+    """Median of the first `count` values, which are sorted in place."""
+    for k in range(1, count):
+        value = values[k]
+        n = k
+        while n > 0 and values[n - 1] > value:
+            values[n] = values[n - 1]
+            n -= 1
+        values[n] = value
+    middle = count // 2
+    return values[middle] if count % 2 else (values[middle - 1] + values[middle]) / 2
+
+
+@kernel
+def _test_strip(
+    maps: NDArray[Any], step: int, reach: int, floor: NDArray[Any], start: int, stop: int, outlier: NDArray[Any]
+) -> None:
+    rows, columns = maps.shape[1:]
+    predicted = np.empty(8)
+    ordered = np.empty(8)
+    for j in range(start, stop):
+        for i in range(columns):
+            outlier[j, i] = False
+            if not (maps[0, j, i] == maps[0, j, i]):
+                continue
+            for component in range(2):
+                count, furthest = 0, 0.0
+                for dj in range(-reach, reach + 1, reach):
+                    for di in range(-reach, reach + 1, reach):
+                        y, x = j + dj, i + di
+                        if (dj == 0 and di == 0) or y < 0 or x < 0 or y >= rows or x >= columns:
+                            continue
+                        guess = (
+                            maps[component, y, x]
+                            - maps[2 + 2 * component, y, x] * (di * step)
+                            - maps[3 + 2 * component, y, x] * (dj * step)
+                        )
+                        if guess == guess:
+                            predicted[count] = guess
+                            ordered[count] = guess
+                            count += 1
+                            furthest = max(furthest, abs(guess - maps[component, j, i]))
+                if count < 3 or furthest <= LIMIT * floor[j, i]:
+                    continue
+                middle = _median(ordered, count)
+                for k in range(count):
+                    ordered[k] = abs(predicted[k] - middle)
+                spread = _median(ordered, count)
+                if abs(maps[component, j, i] - middle) > LIMIT * (spread + floor[j, i]):
+                    outlier[j, i] = True
+
+
+def median_outliers(maps: NDArray[Any], step: int, window: float, floor: NDArray[Any] | float = FLOOR) -> NDArray[np.bool_]:
+    """Find points that contradict their neighbours.
+
+    Parameters
+    ----------
+    maps : array, shape (6, rows, columns)
+        u, v, u_x, u_y, v_x, v_y; NaN at failed points, which are neither tested nor asked.
+    step : int
+        Grid spacing, px.
+    window : float
+        px; sets how far away the neighbours are asked.
+    floor : float or array, shape (rows, columns)
+        Tolerance that noise alone deserves, px.
+
+    Returns
+    -------
+    bool array, shape (rows, columns)
+    """
+    outlier = np.zeros(maps.shape[1:], dtype=np.bool_)
+    reach = max(1, round(window / 2 / step))
+    reach = min(reach, max(1, (min(maps.shape[1:]) - 1) // 2))
+    levels = np.broadcast_to(np.asarray(floor, dtype=np.float64), outlier.shape).copy()
+    over_strips(lambda a, b: _test_strip(maps, step, reach, levels, a, b, outlier), outlier.shape[0], 16)
+    return outlier
+
+
+def fill_failed(maps: NDArray[Any], step: int) -> NDArray[Any]:
+    """Give every failed (NaN) point the mean of its neighbours' affine maps, from the edge of each gap inwards.
+
+    For the blend alone, which needs a map everywhere: a failed point is NaN in the result all the same.
+
+    Parameters
+    ----------
+    maps : array, shape (6, rows, columns)
+    step : int
+        Grid spacing, px.
+
+    Returns
+    -------
+    array of the same shape without NaN; zero motion if nothing is known anywhere
+    """
+    failed = np.isnan(maps).any(axis=0)
+    if not failed.any():
+        return maps
+    if failed.all():
+        return np.zeros_like(maps)
+    filled = np.where(failed, 0, maps)
+    known = ~failed
+    rows, columns = failed.shape
+    while not known.all():
+        total = np.zeros_like(filled)
+        count = np.zeros(failed.shape)
+        for dj in (-1, 0, 1):
+            for di in (-1, 0, 1):
+                if dj == 0 and di == 0:
+                    continue
+                here = (slice(max(0, -dj), rows - max(0, dj)), slice(max(0, -di), columns - max(0, di)))
+                there = (slice(max(0, dj), rows - max(0, -dj)), slice(max(0, di), columns - max(0, -di)))
+                source = filled[(slice(None), *there)]
+                use = known[there]
+                for k in range(6):
+                    value = source[k]
+                    if k < 2:
+                        value = value - step * (source[2 + 2 * k] * di + source[3 + 2 * k] * dj)
+                    total[(k, *here)] += np.where(use, value, 0)
+                count[here] += use
+        reached = ~known & (count > 0)
+        filled[:, reached] = total[:, reached] / count[reached]
+        filled[2:, reached] *= 0.8  # let a guessed gradient fade with distance
+        known |= reached
+    return filled
+
+
+def settle(maps: NDArray[Any], step: int, window: float) -> NDArray[Any]:
+    """Replace points that failed or contradict their neighbours by what the neighbours predict."""
+    outlier = median_outliers(maps, step, window)
+    if outlier.any():
+        maps = np.where(outlier, np.nan, maps)
+    return fill_failed(maps, step)
+
+
+def flag_points(
+    maps: NDArray[Any],
+    quality: Quality,
+    update: NDArray[Any],
+    grid: Grid,
+    reference: Frame,
+    settings: Settings,
+) -> NDArray[np.uint8]:
+    """Judge every grid point; bits as in `sixflow.field.FLAGS`.
+
+    Parameters
+    ----------
+    maps : array, shape (6, rows, columns)
+        Solution of the last pass; NaN where its equations were singular.
+    quality, update
+        As `refine.refine` returns them.
+    grid : Grid
+    reference : Frame
+        The reference frame at full resolution.
+    """
+    flag = np.zeros(grid.shape, np.uint8)
+    height, width = reference.image.shape
+    variance = quality.covariance
+    with np.errstate(invalid="ignore"):
+        error = np.sqrt(np.maximum(variance[..., 0, 0], variance[..., 1, 1])).astype(np.float64)
+        x, y = grid.x + maps[0], grid.y[:, None] + maps[1]
+        left = ~((x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1))
+        unknown = np.isnan(maps).any(axis=0)
+        measurable = (quality.texture > MINIMUM_TEXTURE) & (error < MAXIMUM_ERROR)
+        flag[quality.weight < COMPLETE_WEIGHT] |= FLAGS["border"]
+        flag[unknown | ~measurable] |= FLAGS["low_texture"]
+        gone = (left & ~unknown) | (quality.weight < MINIMUM_WEIGHT) | (quality.residual > MAXIMUM_RESIDUAL)
+        flag[gone] |= FLAGS["unmatched"]
+        flag[update > np.maximum(settings.tolerance, error / 4)] |= FLAGS["not_converged"]
+    masked = _masked(reference.valid, grid)
+    trusted = np.where((flag & FAILING).astype(bool) | masked, np.nan, maps)
+    floor = np.maximum(FLOOR, np.nan_to_num(error, nan=FLOOR))
+    flag[median_outliers(trusted, grid.step, settings.window, floor)] |= FLAGS["outlier"]
+    flag[masked] = FLAGS["masked"]
+    return flag
+
+
+def _masked(valid: NDArray[np.uint8], grid: Grid) -> NDArray[np.bool_]:
+    if not valid.size:
+        return np.zeros(grid.shape, np.bool_)
+    return valid[np.ix_(grid.y, grid.x)] == 0

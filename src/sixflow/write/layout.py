@@ -1,0 +1,65 @@
+"""Layout: how a field is cut into chunks, and into batches along time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import xarray as xr
+
+from sixflow.errors import InputError
+
+
+def checked_field(field: xr.Dataset) -> xr.Dataset:
+    """Return the field without leftovers of the file that it may come from.
+
+    Raises
+    ------
+    InputError
+        If it is no dataset, or holds no variable over rows and columns.
+    """
+    if not isinstance(field, xr.Dataset):
+        raise InputError(f"field: a {type(field).__name__}; give the xarray.Dataset of a measurement")
+    if not any({"y", "x"} <= set(variable.dims) for variable in field.data_vars.values()):
+        raise InputError(
+            f"field: no variable has the dimensions y and x, only {', '.join(map(str, field.dims)) or 'none'}; "
+            "give the dataset of a measurement"
+        )
+    return field.drop_encoding()
+
+
+def chunk_shape(variable: xr.Variable, time_chunk: int, limit: int) -> tuple[int, ...]:
+    """Return chunks of at most `time_chunk` pairs and about `limit` bytes, by splitting time, then rows.
+
+    Parameters
+    ----------
+    variable : xarray.Variable
+        Dims (time, y, x, ...) or fewer.
+    time_chunk : int
+        Most pairs per chunk, at least 1.
+    limit : int
+        Bytes aimed at. A single row of one pair may exceed it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> chunk_shape(xr.Variable(("time", "y", "x"), np.zeros((100, 50, 60), "f4")), 16, 2**20)
+    (16, 50, 60)
+    """
+    chunks = {str(dim): max(1, size) for dim, size in variable.sizes.items()}
+    if "time" in chunks:
+        chunks["time"] = time_chunk
+    for dim in ("time", "y"):
+        if dim in chunks:
+            others = math.prod(chunks.values()) // chunks[dim] * variable.dtype.itemsize
+            chunks[dim] = max(1, min(chunks[dim], limit // others))
+    return tuple(chunks.values())
+
+
+def batches(field: xr.Dataset, pairs: int) -> Iterator[xr.Dataset]:
+    """Yield parts of a field of at most `pairs` times, read into memory one after the other."""
+    if "time" not in field.dims:
+        yield field.load()
+        return
+    for start in range(0, field.sizes["time"], pairs):
+        yield field.isel(time=slice(start, start + pairs)).load()

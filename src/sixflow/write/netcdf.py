@@ -1,0 +1,86 @@
+"""NetCDF-4 files, by h5netcdf, such that MATLAB, ParaView and every reader built on the netCDF-C library understand them.
+
+Names (`param`) are arrays of characters and attributes are text of fixed length, which is what those programs
+expect; variable-length strings of HDF5 would stop ParaView from opening the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from sixflow.write.layout import chunk_shape
+
+_CHUNK_BYTES = 2**20
+"""Bytes per chunk: what the HDF5 library keeps in memory at a time."""
+
+
+def write(path: Path, parts: Iterator[xr.Dataset]) -> None:
+    """Write the parts of a field, which follow each other in time, to a new file."""
+    first = next(parts)
+    first = first.assign_attrs(_plain(first.attrs))
+    first.to_netcdf(
+        path,
+        mode="w",
+        format="NETCDF4",
+        engine="h5netcdf",
+        encoding={str(name): _encoding(variable) for name, variable in first.variables.items()},
+        unlimited_dims=["time"] if "time" in first.dims else [],
+    )
+    _extend(path, parts, first.sizes.get("time", 0))
+    _fix_text(path)
+
+
+def _plain(attrs: dict[str, Any]) -> dict[str, Any]:
+    """Return attributes without truth values, which netCDF has no type for."""
+    return {
+        name: np.int8(value) if isinstance(value, bool | np.bool_) else value for name, value in attrs.items()
+    }
+
+
+def _encoding(variable: xr.Variable) -> dict[str, Any]:
+    if variable.dtype.kind in "UT":
+        return {"dtype": "S1"}
+    encoding: dict[str, Any] = {}
+    if variable.dtype.kind == "f":
+        encoding["_FillValue"] = np.array(np.nan, variable.dtype) if variable.ndim > 1 else None
+    if variable.ndim > 1 and variable.dtype.kind in "iufb":
+        chunks = chunk_shape(variable, _pairs(variable), _CHUNK_BYTES)
+        encoding |= {"zlib": True, "complevel": 1, "shuffle": True, "chunksizes": chunks}
+    elif "time" in variable.dims and variable.dtype.kind in "iuf":
+        encoding["chunksizes"] = (1024,)
+    return encoding
+
+
+def _pairs(variable: xr.Variable) -> int:
+    return max(1, variable.sizes.get("time", 1))
+
+
+def _extend(path: Path, parts: Iterator[xr.Dataset], count: int) -> None:
+    import h5netcdf
+
+    for part in parts:
+        with h5netcdf.File(path, "r+") as file:
+            end = count + part.sizes["time"]
+            file.resize_dimension("time", end)
+            for name, variable in part.variables.items():
+                if "time" in variable.dims:
+                    file[name][count:end] = variable.values
+            count = end
+
+
+def _fix_text(path: Path) -> None:
+    """Turn attributes of variable-length text into text of fixed length, as the netCDF library writes it."""
+    import h5py
+
+    with h5py.File(path, "r+") as file:
+        for item in (file, *file.values()):
+            for name in list(item.attrs):
+                value = item.attrs[name]
+                if isinstance(value, str) and value:
+                    text = value.encode()
+                    item.attrs.create(name, text, dtype=h5py.string_dtype("utf-8", len(text)))

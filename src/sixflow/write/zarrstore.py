@@ -1,0 +1,95 @@
+"""Zarr v3 stores, which grow along time by whole chunks.
+
+A store under construction has no consolidated metadata; `seal` adds it, so that readers find everything in one file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+import zarr
+
+from sixflow.write.layout import chunk_shape
+
+_CHUNK_BYTES = 2**24
+
+
+def write(path: Path, parts: Iterator[xr.Dataset]) -> None:
+    """Write the parts of a field, which follow each other in time, to a new store."""
+    first = next(parts)
+    count = first.sizes.get("time", 1)
+    create(path, first, time_chunk=count)
+    for part in parts:
+        extend(path, part, count)
+        count += part.sizes["time"]
+    seal(path)
+
+
+def create(path: Path, field: xr.Dataset, time_chunk: int) -> None:
+    """Write a new store with the first pairs; chunks hold at most `time_chunk` pairs."""
+    texts = {
+        name: value.astype(object) for name, value in field.variables.items() if value.dtype.kind == "U"
+    }
+    encoding = {str(name): _encoding(variable, time_chunk) for name, variable in field.variables.items()}
+    with _quiet():
+        field.assign(texts).to_zarr(path, mode="w", zarr_format=3, consolidated=False, encoding=encoding)
+
+
+def _encoding(variable: xr.Variable, time_chunk: int) -> dict[str, Any]:
+    if variable.dtype.kind not in "iufb" or variable.ndim == 0:
+        return {}
+    chunks = chunk_shape(variable, time_chunk if variable.ndim > 1 else 1024, _CHUNK_BYTES)
+    return {"chunks": chunks} | ({"_FillValue": None} if variable.dtype.kind == "f" else {})
+
+
+def extend(path: Path, field: xr.Dataset, count: int) -> None:
+    """Write further pairs after the first `count`; what may lie beyond those is replaced."""
+    group = zarr.open_group(path, mode="r+")
+    for name, variable in field.variables.items():
+        if "time" in variable.dims:
+            array = group[str(name)]
+            assert isinstance(array, zarr.Array)
+            array.resize((count + variable.sizes["time"], *array.shape[1:]))
+            array[count:] = np.asarray(variable.values)
+
+
+def cut(path: Path, count: int) -> None:
+    """Keep the first `count` pairs only."""
+    group = zarr.open_group(path, mode="r+")
+    for name in group.array_keys():
+        array = group[name]
+        assert isinstance(array, zarr.Array)
+        if (array.metadata.dimension_names or ("",))[0] == "time" and array.shape[0] > count:
+            array.resize((count, *array.shape[1:]))
+
+
+def seal(path: Path) -> None:
+    """Gather the metadata of all arrays in one file."""
+    with _quiet():
+        zarr.consolidate_metadata(path)
+
+
+def read(path: Path) -> xr.Dataset:
+    """Return the field in a store, to be loaded when it is used."""
+    with _quiet():
+        sealed = zarr.open_group(path, mode="r").metadata.consolidated_metadata is not None
+        field = xr.open_zarr(path, chunks=None, consolidated=sealed)
+    for variable in field.variables.values():
+        if "flag_masks" in variable.attrs:  # JSON knows lists, not arrays
+            variable.attrs["flag_masks"] = np.asarray(variable.attrs["flag_masks"], dtype=variable.dtype)
+    return field
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Silence that strings and consolidated metadata are extensions of the Zarr v3 core."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*Zarr.* specification.*")
+        warnings.filterwarnings("ignore", message=".*Zarr format 3 specification.*")
+        yield
