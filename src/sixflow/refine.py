@@ -217,12 +217,14 @@ class Passes:
             noise = absolute / weight * np.sqrt(np.pi) / 2  # E|r| = √(2/π)·√2·noise
             contrast = np.sqrt(np.maximum(power / weight - (mean / weight) ** 2, 0))
             relative = np.sqrt(square / weight) / contrast
-        noise_in_gradient = gradient_noise(self.degree, DERIVATIVE) * noise**2 * weight
+        power_of_noise, excess = (factor * noise**2 * weight for factor in gradient_noise(self.degree, DERIVATIVE))
         covariance = np.empty((*grid.shape, 6, 6), dtype)
         texture = np.empty(grid.shape)
         transform = _six_from_unknowns(sigma, sharpened)
         over_strips(
-            lambda a, b: covariance_strip(moments, sandwich, noise_in_gradient, transform, a, b, covariance, texture),
+            lambda a, b: covariance_strip(
+                moments, sandwich, power_of_noise, excess, transform, a, b, covariance, texture
+            ),
             grid.rows,
             GRID_STRIP,
         )

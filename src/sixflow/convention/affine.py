@@ -53,15 +53,17 @@ from sixflow.convention.six import (
 
 _SINGULAR = "singular (det(I + G) = 0), without inverse"
 _NO_LOGARITHM = "without real logarithm (I + G has a negative or zero eigenvalue)"
-_SIX_PER_COEFFICIENT = np.array([1, 1, 2, 2, 2, 2], dtype=np.float32)
+SIX_PER_COEFFICIENT = np.array([1, 1, 2, 2, 2, 2], dtype=np.float32)
+"""The six of each generator: (1, 1, 2, 2, 2, 2) times its coefficient. Read-only."""
+SIX_PER_COEFFICIENT.flags.writeable = False
 
 
 @silent
 def compose_six(second: ArrayLike, first: ArrayLike) -> Array:
     """The six numbers of the map `second` after `first`: d = d₂ + d₁ + G₂ d₁, G = G₂ + G₁ + G₂ G₁.
 
-    Both are taken about the same point c. To follow a point that has moved, measure `second` about c too
-    (`recentre`), not about the point's new place.
+    Both belong to the same point c. If `second` was measured at the point's new place c + d₁, hand over
+    `recentre(second, -d1)`.
 
     Parameters
     ----------
@@ -226,7 +228,7 @@ def coefficients_from_six(six: ArrayLike, *, invalid: Invalid = "raise") -> Arra
     >>> coefficients_from_six([2.0, 0, 0, 0, 0, 0])
     array([2., 0., 0., 0., 0., 0.])
     """
-    return log_six(six, invalid=invalid) / _SIX_PER_COEFFICIENT
+    return log_six(six, invalid=invalid) / SIX_PER_COEFFICIENT
 
 
 def six_from_coefficients(coefficients: ArrayLike) -> Array:
@@ -247,7 +249,7 @@ def six_from_coefficients(coefficients: ArrayLike) -> Array:
     >>> six_from_coefficients([0, 0, np.log(1.5), 0, 0, 0]).round(12)
     array([0., 0., 1., 0., 0., 0.])
     """
-    return exp_six(as_floats("coefficients", coefficients, (6,)) * _SIX_PER_COEFFICIENT)
+    return exp_six(as_floats("coefficients", coefficients, (6,)) * SIX_PER_COEFFICIENT)
 
 
 def compose(second: ArrayLike, first: ArrayLike) -> Array:

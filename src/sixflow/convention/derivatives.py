@@ -116,15 +116,12 @@ def _log_six(six: Array) -> Array:
     return np.where(bad, np.nan, np.linalg.inv(np.where(bad, np.eye(6), forward)))
 
 
-_PER_COEFFICIENT = np.array([1.0, 1, 2, 2, 2, 2])
-
-
 def _coefficients_from_six(six: Array) -> Array:
-    return _log_six(six) / _PER_COEFFICIENT[:, None]
+    return _log_six(six) / affine.SIX_PER_COEFFICIENT[:, None]
 
 
 def _six_from_coefficients(coefficients: Array) -> Array:
-    return _exp_six(coefficients * _PER_COEFFICIENT) * _PER_COEFFICIENT
+    return _exp_six(coefficients * affine.SIX_PER_COEFFICIENT) * affine.SIX_PER_COEFFICIENT
 
 
 def _deformation_gradient(G: Array) -> Array:

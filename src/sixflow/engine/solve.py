@@ -6,7 +6,7 @@ Unknowns of one window, in units of σ: θ = (u, σu_x, σu_y, v, σv_x, σv_y),
     C = H̃⁻¹ (Σ w² r² J Jᵀ) H̃⁻¹                                    covariance, the sandwich form
 
 The sandwich takes the residual where it is: noise that is larger on bright pixels, or a few unmatched particles, is counted with the weight it
-had in the solution. H̃ is H less what noise alone adds to the gradients' squares, so that the predicted errors stay right
+had in the solution. H̃ is H less what noise alone adds to it and not to the residual's slope, so that the predicted errors stay right
 at low signal; a point whose H̃ is not safely positive has no texture above its noise.
 """
 
@@ -105,6 +105,7 @@ def covariance_strip(
     moments: NDArray[Any],
     sandwich: NDArray[Any],
     noise_gradient: NDArray[Any],
+    excess_gradient: NDArray[Any],
     transform: NDArray[Any],
     start: int,
     stop: int,
@@ -119,6 +120,8 @@ def covariance_strip(
     sandwich : array, shape (rows, columns, 18)
     noise_gradient : array, shape (rows, columns)
         What noise alone adds to Σ w g_x² (and Σ w g_y²).
+    excess_gradient : array, shape (rows, columns)
+        The part of it that the residual does not share (`spline.gradient_noise`).
     transform : array, shape (6, 6)
         From the unknowns θ to the six numbers.
     out : array, shape (rows, columns, 6, 6)
@@ -133,7 +136,7 @@ def covariance_strip(
     for j in range(start, stop):
         for i in range(moments.shape[1]):
             m = moments[j, i]
-            gamma = noise_gradient[j, i]
+            gamma, excess = noise_gradient[j, i], excess_gradient[j, i]
             a, b, c = m[0] - gamma, m[6], m[12] - gamma
             weakest = (a + c) / 2 - math.sqrt((a - c) * (a - c) / 4 + b * b)
             if weakest < 1e-4 * (a + c):  # an edge or a grating: one direction only
@@ -141,10 +144,10 @@ def covariance_strip(
             else:
                 texture[j, i] = weakest / gamma if gamma > 0 else np.inf
             _assemble(m, full)
-            for k in range(2):  # white noise adds γ·Σw(1, X, Y)(1, X, Y)ᵀ/Σw; the window is nearly round, so γ·(1, X², Y²)
-                full[3 * k, 3 * k] -= gamma
-                full[3 * k + 1, 3 * k + 1] -= gamma
-                full[3 * k + 2, 3 * k + 2] -= gamma
+            for k in range(2):  # white noise adds Σw(1, X, Y)(1, X, Y)ᵀ, which is diagonal in a whole window
+                full[3 * k, 3 * k] -= excess
+                full[3 * k + 1, 3 * k + 1] -= excess
+                full[3 * k + 2, 3 * k + 2] -= excess
             if not cholesky(full, 1e-6):
                 out[j, i] = np.nan
                 continue

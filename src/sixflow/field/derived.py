@@ -38,7 +38,7 @@ MEASURES = ("green_lagrange", "almansi", "hencky", "biot", "small_strain", "stra
 """Symmetric tensors, which have principal values and axes."""
 
 AXES = {"i": ("x", "y"), "j": ("x", "y"), "principal": ("major", "minor"), "param": SIX}
-"""Labels along the dims of derived quantities: T.sel(i="x", j="y") is T_xy, the major principal value the larger one."""
+"""Labels along the dims of derived quantities: T.sel(i="x", j="y") is T_xy; major is the larger value."""
 
 _PARTIAL = (
     convention.log_six, convention.almansi, convention.hencky, convention.biot, convention.rotation_angle
@@ -192,11 +192,11 @@ def derived_error(field: xr.Dataset, name: str, interval: float | None = None) -
         value, spread = value[..., recipe.component], spread[..., recipe.component, recipe.component]
     size = int(np.prod(value.shape[len(leading) :]))
     matrices = np.reshape(spread, (*value.shape[: len(leading)], size, size))
-    variance = np.diagonal(matrices, axis1=-2, axis2=-1).reshape(value.shape)
+    variances = np.diagonal(matrices, axis1=-2, axis2=-1).reshape(value.shape)
     factor, unit = _rate(field, recipe, interval)
-    error = np.sqrt(np.where(np.isfinite(value), variance, np.nan)) * factor
+    errors = np.sqrt(np.where(np.isfinite(value), variances, np.nan)) * factor
     return _wrap(
-        numbers, error, recipe, f"{name}_standard_error", f"standard error of {recipe.long_name}", unit
+        numbers, errors, recipe, f"{name}_standard_error", f"standard error of {recipe.long_name}", unit
     )
 
 

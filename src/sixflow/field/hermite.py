@@ -81,7 +81,7 @@ def make_stencil(nodes: Array, wanted: Array, *, derivative: bool = False) -> St
 
 
 def slopes_along(values: Array, nodes: Array, axis: int) -> Array:
-    """Differentiate numerically along an axis: second order, first order beside a NaN, 0 where both neighbours are NaN.
+    """Differentiate along an axis: to second order, to first beside a NaN, 0 between two NaN.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class HermiteSurface:
         self.known: Array = np.asarray(known.reshape(-1, *known.shape[-2:]).all(axis=0))
         slopes_x, slopes_y = np.where(self.known, slopes_x, np.nan), np.where(self.known, slopes_y, np.nan)
         twists = (slopes_along(slopes_x, y, -2) + slopes_along(slopes_y, x, -1)) / 2
-        # NaN times a weight of 0 would spoil places that do not need the node: zeros inside, NaN put back at the end.
+        # NaN × 0 would spoil places that do not need the node: zeros here, NaN put back at the end.
         self.values, self.slopes_x, self.slopes_y, self.twists = (
             np.where(self.known, part, 0) for part in (values, slopes_x, slopes_y, twists)
         )
@@ -195,7 +195,7 @@ class HermiteSurface:
         return result
 
     def _lines(self, low: Any, high: Any, weights: Array) -> tuple[Array, Array]:
-        """Interpolate values and their x-slopes along y, between the nodes picked by the indices low and high."""
+        """Interpolate values and x-slopes along y, between the nodes that the indices low and high pick."""
         return (
             _blend(weights, self.values[low], self.values[high], self.slopes_y[low], self.slopes_y[high]),
             _blend(weights, self.slopes_x[low], self.slopes_x[high], self.twists[low], self.twists[high]),

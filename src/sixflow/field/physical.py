@@ -3,7 +3,7 @@
 | name | formula | unit |
 |---|---|---|
 | velocity_x, velocity_y | (u, v) · pixel_size / frame_interval | length/s |
-| divergence_rate, vorticity, stretch_rate, shear_rate | the last four of the six of log(I + G), / frame_interval | 1/s |
+| divergence_rate, vorticity, stretch_rate, shear_rate | last four of log(I + G) / frame_interval | 1/s |
 
 The velocities are means over the frame interval, as everywhere in velocimetry. The rates are those of the
 steady flow that makes the displacement gradient in one interval: a rotating body has its true angular
@@ -78,7 +78,7 @@ def to_physical(field: xr.Dataset, calibration: Calibration, *, y_up: bool = Fal
 
 
 def turn_up(field: xr.Dataset) -> xr.Dataset:
-    """Return the field with the signs of v, curl and shear, and of their covariances, for a y that grows upwards.
+    """Return the field with the signs of v, curl, shear and their covariances for y upwards.
 
     Rows and coordinates stay as they are.
     """

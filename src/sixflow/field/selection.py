@@ -29,7 +29,7 @@ def require_field(field: object, name: str = "field") -> xr.Dataset:
     missing = [number for number in SIX if number not in field]
     if missing:
         raise InputError(
-            f"{name} lacks {', '.join(missing)}: give the whole dataset that a measurement returns, not a part of it"
+            f"{name} lacks {', '.join(missing)}: give the whole dataset that a measurement returns"
         )
     if not {"y", "x"} <= set(field["u"].dims):
         raise InputError(
@@ -93,8 +93,8 @@ def frame_shape(field: xr.Dataset) -> tuple[int, int]:
     shape = np.asarray(field.attrs.get("frame_shape", [])).ravel()
     if shape.size != 2 or not np.all(shape == np.floor(shape)) or np.any(shape < 1):
         raise InputError(
-            f"attribute frame_shape={field.attrs.get('frame_shape')!r}: must be [height, width] of the frames in px; "
-            "set field.attrs['frame_shape']"
+            f"attribute frame_shape={field.attrs.get('frame_shape')!r}: must be the frames' [height, width] "
+            "in px; set field.attrs['frame_shape']"
         )
     return int(shape[0]), int(shape[1])
 

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.quiver import Quiver
-from matplotlib.transforms import ScaledTranslation, blended_transform_factory
+from matplotlib.transforms import ScaledTranslation, Transform, blended_transform_factory
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.errors import InputError
@@ -87,12 +87,14 @@ def draw_arrows(ax: Axes, view: View, frame: ArrayLike | None, *, arrows: int = 
 def _draw_reference(ax: Axes, view: View, length: float, unit: str, style: dict[str, Any]) -> None:
     """Draw an arrow of known length at the right end of the title line."""
     right = view.frame_extent[1]
-    place = blended_transform_factory(ax.transData, ax.transAxes)
-    place += ScaledTranslation(0, (4 + 0.45 * FONT) / 72, ax.get_figure(root=True).dpi_scale_trans)  # type: ignore[union-attr]
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    lift = ScaledTranslation(0, (4 + 0.45 * FONT) / 72, figure.dpi_scale_trans)
+    place: Transform = blended_transform_factory(ax.transData, ax.transAxes) + lift
     start = right - length / style["scale"]
     ax.quiver([start], [1.0], [length], [0.0], angles="uv", transform=place, clip_on=False, **style)
     ax.annotate(
-        f"{length:g} {unit}", (start, 1.0), (-3, 4), xycoords=("data", "axes fraction"), textcoords="offset points",
+        f"{length:g} {unit}", (start, 1.0), (-3, 4), ("data", "axes fraction"), "offset points",
         fontsize=FONT, color=INK, ha="right", va="bottom",
     )  # fmt: skip
 
@@ -109,7 +111,8 @@ def draw_frame(ax: Axes, view: View, frame: ArrayLike | None) -> None:
         return
     picture = _as_picture(frame, view)
     ax.imshow(
-        picture, cmap="gray", vmin=0, vmax=1, extent=view.frame_extent, origin="upper", interpolation="nearest", zorder=0
+        picture, cmap="gray", vmin=0, vmax=1, extent=view.frame_extent, origin="upper",
+        interpolation="nearest", zorder=0,
     )  # fmt: skip
 
 

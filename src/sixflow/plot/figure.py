@@ -37,7 +37,7 @@ def plot_field(
     standard_errors: bool = True,
     title: str | None = None,
 ) -> Figure:
-    """Draw one pair of a field: arrows on the frame, deformation glyphs, the six numbers and their standard errors.
+    """Draw one pair of a field: arrows on the frame, deformation, the six and their standard errors.
 
     Parameters
     ----------

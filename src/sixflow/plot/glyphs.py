@@ -6,15 +6,17 @@ is drawn as one by kθ and stays a circle; the plain I + k G would let it grow.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sixflow.convention import deformation_gradient, exp_six, gradient, log_six
 from sixflow.errors import InputError
-from sixflow.field.derived import six
+from sixflow.field.derived import derived_error, six
 from sixflow.plot.arrows import draw_frame, thin
 from sixflow.plot.look import GLYPH_EDGE, GLYPH_FACE, REFERENCE, nice_below
 from sixflow.plot.missing import fill_missing, mark_failed
@@ -80,7 +82,7 @@ def draw_glyphs(
     mark_failed(ax, view, shown)
     rates = log_six(six(view.pair).values, invalid="nan").astype(float)
     shown &= ~(view.missing[0] | view.missing[1]) & np.isfinite(rates).all(axis=-1)
-    factor = _exaggeration(rates[shown]) if exaggerate is None else float(exaggerate)
+    factor = _exaggeration(view, rates[shown]) if exaggerate is None else float(exaggerate)
     F = deformation_gradient(gradient(exp_six(factor * rates[shown])))
     rows, columns = np.nonzero(shown)
     centres = np.stack([view.x[columns], view.y[rows]], axis=-1)
@@ -88,24 +90,30 @@ def draw_glyphs(
     turn = np.linspace(0, 2 * np.pi, _ROUND, endpoint=False)
     circle = radius * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     up = radius * np.array([0.0, -view.down])
-    ellipses = centres[:, None, :] + circle @ np.swapaxes(F, -1, -2)
-    ax.add_collection(
-        PolyCollection(
-            centres[:, None, :] + circle, facecolors="none", edgecolors=REFERENCE, linewidths=0.45, zorder=3
-        )
-    )
+    circles = list(centres[:, None, :] + circle)
+    ellipses = list(centres[:, None, :] + circle @ np.swapaxes(F, -1, -2))
+    ticks = list(np.stack([centres + 0.8 * up, centres + up], axis=1))
+    marks = list(np.stack([centres, centres + F @ up], axis=1))
     drawn = PolyCollection(ellipses, facecolors=GLYPH_FACE, edgecolors=GLYPH_EDGE, linewidths=0.7, zorder=4)
-    ax.add_collection(drawn)
-    ticks = np.stack([centres + 0.8 * up, centres + 1.0 * up], axis=1)
-    ax.add_collection(LineCollection(ticks, colors=REFERENCE, linewidths=0.6, zorder=3))
-    marks = np.stack([centres, centres + F @ up], axis=1)
-    ax.add_collection(LineCollection(marks, colors=GLYPH_EDGE, linewidths=0.9, zorder=5))
+    for collection in (
+        PolyCollection(circles, facecolors="none", edgecolors=REFERENCE, linewidths=0.45, zorder=3),
+        LineCollection(ticks, colors=REFERENCE, linewidths=0.6, zorder=3),
+        drawn,
+        LineCollection(marks, colors=GLYPH_EDGE, linewidths=0.9, zorder=5),
+    ):
+        ax.add_collection(collection)
     view.dress(ax, f"deformation × {factor:g}")
     return drawn
 
 
-def _exaggeration(rates: np.ndarray) -> float:
-    """A round factor at which the 98th percentile of the deformation and rotation is at most 1."""
-    sizes = np.linalg.norm(gradient(rates), axis=(-2, -1)) if len(rates) else np.zeros(0)
+def _exaggeration(view: View, rates: NDArray[Any]) -> float:
+    """A round factor at which deformation and rotation are at most 1 at 98 % of the points.
+
+    It is no larger than makes four standard errors 1: glyphs of pure noise stay nearly round.
+    """
+    sizes = np.linalg.norm(gradient(rates), axis=(-2, -1))
     typical = float(np.quantile(sizes, 0.98)) if sizes.size else 0.0
-    return nice_below(max(1.0 / typical, 1.0), (1, 1.5, 2, 3, 4, 5, 6, 8)) if typical > 0 else 1.0
+    if "covariance" in view.pair and sizes.size:
+        noise = np.linalg.norm(derived_error(view.pair, "displacement_gradient").values, axis=(-2, -1))
+        typical = max(typical, 4 * float(np.nanmedian(noise)))
+    return nice_below(max(1 / typical, 1.0), (1, 1.5, 2, 3, 4, 5, 6, 8)) if typical > 0 else 1.0

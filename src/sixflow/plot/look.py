@@ -69,10 +69,14 @@ def tidy(ax: Axes, *, title: str, x_label: str, y_label: str) -> None:
 def add_colour_bar(ax: Axes, image: Any, *, extend: str) -> Axes:
     """Put a colour bar of the same height beside axes, and return its axes."""
     bar_axes = ax.inset_axes((1.04, 0.0, 0.055, 1.0))
-    bar = ax.get_figure(root=True).colorbar(image, cax=bar_axes, extend=extend, extendfrac=0.04)  # type: ignore[union-attr]
-    bar.locator = MaxNLocator(5, steps=[1, 2, 4, 5, 10])
+    figure = ax.get_figure(root=True)
+    assert figure is not None  # the axes are in use
+    bar = figure.colorbar(image, cax=bar_axes, extend=extend, extendfrac=0.04)
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    flat = abs(top - bottom) < 0.45 * abs(right - left)
+    bar.locator = MaxNLocator(3 if flat else 5, steps=[1, 2, 4, 5, 10])
     bar.update_ticks()
-    bar.outline.set_linewidth(0.5)  # type: ignore[operator]
+    bar.outline.set_linewidth(0.5)
     bar_axes.tick_params(labelsize=FONT, width=0.5, length=2, color=INK, labelcolor=INK)
     return bar_axes
 

@@ -70,11 +70,14 @@ def plot_map(
 
     Examples
     --------
-    >>> import sixflow.plot
-    >>> from sixflow.plot.look import new_figure
-    >>> field = getfixture("vortex_field")  # doctest: +SKIP
-    >>> plot_map(field, "curl", new_figure(4, 3).add_subplot())  # doctest: +SKIP
-    <matplotlib.image.AxesImage ...>
+    >>> from matplotlib.figure import Figure
+    >>> six = ("u", "v", "divergence", "curl", "stretch", "shear")
+    >>> grid = {"y": range(8, 40, 8), "x": range(8, 48, 8)}
+    >>> field = xr.Dataset({name: (("y", "x"), np.full((4, 5), 0.1)) for name in six}, grid)
+    >>> ax = Figure(layout="constrained").add_subplot()
+    >>> image = plot_map(field, "curl", ax, limit=0.2)
+    >>> ax.get_title(loc="left"), image.get_clim()
+    ('curl (px/px)', (-0.2, 0.2))
     """
     if limit is not None and not (np.isfinite(limit) and limit > 0):
         raise InputError(f"limit={limit!r}: must be a positive number, or None to choose it from the field")

@@ -26,7 +26,7 @@ def fill_missing(ax: Axes, view: View, *, masked: bool = True, failed: bool = Tr
     patches = []
     for wanted, where, style in zip((masked, failed), view.missing, (_MASKED, _FAILED), strict=True):
         if wanted and where.any():
-            patch = PathPatch(_cells(where, view), **style)  # type: ignore[arg-type]
+            patch = PathPatch(_cells(where, view), **style)
             ax.add_patch(patch)
             patches.append(patch)
     return patches

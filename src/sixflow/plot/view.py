@@ -165,7 +165,7 @@ class View:
 
 
 def cell_edges(nodes: Array) -> Array:
-    """Edges of the cells around increasing coordinates: half way between them, and as far beyond the outermost."""
+    """Edges of the cells around increasing coordinates: half way between them, as far beyond the ends."""
     nodes = np.asarray(nodes, float)
     if len(nodes) == 1:
         return np.array([nodes[0] - 0.5, nodes[0] + 0.5])

@@ -19,6 +19,8 @@ from sixflow.field.dataset import FLAGS
 
 Array: TypeAlias = NDArray[Any]
 
+_GRID = ("time", "y", "x")
+
 
 def write(path: Path, parts: Iterator[xr.Dataset]) -> None:
     """Write the parts of a field, which follow each other in time, to a new file."""
@@ -42,19 +44,48 @@ def _comments(field: xr.Dataset, columns: dict[str, tuple[Array, str]]) -> Itera
 
 
 def _columns(field: xr.Dataset) -> dict[str, tuple[Array, str]]:
-    """Return the flattened values and the meaning of each column."""
-    grid = ("time", "y", "x")
-    shape = tuple(field.sizes[dim] for dim in grid)
+    """Return the values of each column, one per point and time, and its meaning."""
     columns = {}
+    errors = _standard_errors(field)
     coordinates = [name for name in ("time", "frame0", "frame1", "y", "x") if name in field.coords]
-    for name in (*coordinates, *field.data_vars):
-        variable = field[name]
-        if set(variable.dims) <= set(grid):
-            values = variable.broadcast_like(field[["y", "x", "time"]]).transpose(*grid).values
-            columns[_header(str(name), variable)] = values.reshape(-1), str(
-                variable.attrs.get("long_name", "")
-            )
-        if name in _standard_errors(field):
-            error = _standard_errors(field)[str(name)].transpose(*grid).values.reshape(shape)
-            columns[_header(f"{name}_se", variable)] = error.reshape(-1), f"standard error of {name}"
+    for name in (*coordinates, *map(str, field.data_vars)):
+        variable = field[name].variable
+        if set(variable.dims) <= set(_GRID):
+            meaning = str(variable.attrs.get("long_name", ""))
+            columns[_header(name, variable)] = _flat(variable, field), meaning
+        if name in errors:
+            columns[_header(f"{name}_se", variable)] = _flat(errors[name], field), f"standard error of {name}"
     return columns
+
+
+def _flat(variable: xr.Variable, field: xr.Dataset) -> Array:
+    values: Array = variable.set_dims({dim: field.sizes[dim] for dim in _GRID}).transpose(*_GRID).values
+    return _words(values.ravel()) if "flag_masks" in variable.attrs else values.ravel()
+
+
+def _header(name: str, variable: xr.Variable) -> str:
+    unit = variable.attrs.get("units")
+    return f"{name}_{unit}" if unit else name
+
+
+def _standard_errors(field: xr.Dataset) -> dict[str, xr.Variable]:
+    """Return the square roots of the diagonal of the covariance, by the name of the number."""
+    if "covariance" not in field or "param" not in field.coords:
+        return {}
+    variable = field["covariance"].variable.transpose(..., "param", "param2")
+    variances = np.diagonal(variable.values, axis1=-2, axis2=-1)
+    names = map(str, field["param"].values)
+    return {name: xr.Variable(variable.dims[:-2], np.sqrt(variances[..., k])) for k, name in enumerate(names)}
+
+
+def _words(flags: Array) -> Array:
+    """Return the meaning of each flag, such as "border|outlier"; "ok" where none is set."""
+    values, inverse = np.unique(flags, return_inverse=True)
+    words = ["|".join(name for name, bit in FLAGS.items() if value & bit) or "ok" for value in values]
+    return np.array(words)[inverse]
+
+
+def _text(values: Array) -> list[str]:
+    """Return numbers with as many digits as tell them from their neighbours; nothing for NaN."""
+    text: list[str] = values.astype(np.str_).tolist()
+    return ["" if cell == "nan" else cell for cell in text] if values.dtype.kind == "f" else text

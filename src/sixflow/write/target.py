@@ -75,7 +75,9 @@ def _check_replaceable(path: Path, overwrite: bool) -> None:
             f"{path}: exists already; replace it with overwrite=True (--overwrite), or choose another name"
         )
     if path.is_dir() and path.suffix.lower() != ".zarr":
-        raise FieldFileError(f"{path}: is a folder, which a {path.suffix} file cannot replace; remove it first")
+        raise FieldFileError(
+            f"{path}: is a folder, which a {path.suffix} file cannot replace; remove it first"
+        )
     if path.is_dir() and not is_zarr(path) and any(path.iterdir()):
         raise FieldFileError(f"{path}: is a folder but no Zarr store, so it is not replaced; remove it first")
 

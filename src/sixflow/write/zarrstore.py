@@ -33,9 +33,7 @@ def write(path: Path, parts: Iterator[xr.Dataset]) -> None:
 
 def create(path: Path, field: xr.Dataset, time_chunk: int) -> None:
     """Write a new store with the first pairs; chunks hold at most `time_chunk` pairs."""
-    texts = {
-        name: value.astype(object) for name, value in field.variables.items() if value.dtype.kind == "U"
-    }
+    texts = {name: value.astype(object) for name, value in field.variables.items() if value.dtype.kind == "U"}
     encoding = {str(name): _encoding(variable, time_chunk) for name, variable in field.variables.items()}
     with _quiet():
         field.assign(texts).to_zarr(path, mode="w", zarr_format=3, consolidated=False, encoding=encoding)
