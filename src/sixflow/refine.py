@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from sixflow.engine.blend import twist_of
 from sixflow.engine.moments import moments_strip, sandwich_strip, statistics_strip
-from sixflow.engine.solve import covariance_strip, solve_strip
+from sixflow.engine.solve import covariance_strip, noise_feedback, solve_strip
 from sixflow.engine.spline import DEGREE, gradient_noise, noise_variance
 from sixflow.engine.threads import over_strips
 from sixflow.engine.warp import DERIVATIVE, warp_strip
@@ -217,13 +217,14 @@ class Passes:
             noise = absolute / weight * np.sqrt(np.pi) / 2  # E|r| = √(2/π)·√2·noise
             contrast = np.sqrt(np.maximum(power / weight - (mean / weight) ** 2, 0))
             relative = np.sqrt(square / weight) / contrast
-        power_of_noise, excess = (factor * noise**2 * weight for factor in gradient_noise(self.degree, DERIVATIVE))
+        noise_in_gradient = gradient_noise(self.degree, DERIVATIVE) * noise**2 * weight
+        feedback = noise_feedback()
         covariance = np.empty((*grid.shape, 6, 6), dtype)
         texture = np.empty(grid.shape)
         transform = _six_from_unknowns(sigma, sharpened)
         over_strips(
             lambda a, b: covariance_strip(
-                moments, sandwich, power_of_noise, excess, transform, a, b, covariance, texture
+                moments, sandwich, noise_in_gradient, feedback, transform, a, b, covariance, texture
             ),
             grid.rows,
             GRID_STRIP,

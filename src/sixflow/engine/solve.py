@@ -6,13 +6,20 @@ Unknowns of one window, in units of σ: θ = (u, σu_x, σu_y, v, σv_x, σv_y),
     C = H̃⁻¹ (Σ w² r² J Jᵀ) H̃⁻¹                                    covariance, the sandwich form
 
 The sandwich takes the residual where it is: noise that is larger on bright pixels, or a few unmatched particles, is counted with the weight it
-had in the solution. H̃ is H less what noise alone adds to it and not to the residual's slope, so that the predicted errors stay right
-at low signal; a point whose H̃ is not safely positive has no texture above its noise.
+had in the solution. H̃ is H less what noise alone adds to the gradients' squares: the residual's slope has no such part, because noise is not correlated with its own
+difference. A point whose H̃ is not safely positive has no texture above its noise.
+
+The noise part γ of H is not without effect: it ties a point to the blend of its neighbours, (H̃ + γ)e = γ·(blend of e) − Σ w J n, which
+holds back the errors that vary within a window. White noise then leaves, with ρ = γ/H̃ and M = exp(−k²σ²/2) as q = k²σ²,
+
+    ∫ e^−q / (1 + ρ(1 − e^−q/2))² dq        of the displacement's variance, and
+    ∫ q e^−q / (1 + ρ(1 − e^−q/2))² dq      of the gradients'                        (`noise_feedback`).
 """
 
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -100,12 +107,24 @@ def solve_strip(moments: NDArray[Any], sigma: float, start: int, stop: int, out:
             out[4, j, i], out[5, j, i] = theta[4] / sigma, theta[5] / sigma
 
 
+FEEDBACK_STEP = 0.01
+
+
+@cache
+def noise_feedback() -> NDArray[np.float64]:
+    """Factors of the standard errors of displacement and gradients at ρ = 0, 0.01, … 4; shape (2, 401)."""
+    rho = FEEDBACK_STEP * np.arange(401)[:, None]
+    q = (np.arange(4000) + 0.5) / 200
+    held = np.exp(-q) / (1 + rho * (1 - np.exp(-q / 2))) ** 2 / 200
+    return np.sqrt(np.stack([held.sum(axis=1), (q * held).sum(axis=1)]))
+
+
 @kernel
 def covariance_strip(
     moments: NDArray[Any],
     sandwich: NDArray[Any],
     noise_gradient: NDArray[Any],
-    excess_gradient: NDArray[Any],
+    feedback: NDArray[Any],
     transform: NDArray[Any],
     start: int,
     stop: int,
@@ -120,8 +139,8 @@ def covariance_strip(
     sandwich : array, shape (rows, columns, 18)
     noise_gradient : array, shape (rows, columns)
         What noise alone adds to Σ w g_x² (and Σ w g_y²).
-    excess_gradient : array, shape (rows, columns)
-        The part of it that the residual does not share (`spline.gradient_noise`).
+    feedback : array, shape (2, entries)
+        From `noise_feedback`.
     transform : array, shape (6, 6)
         From the unknowns θ to the six numbers.
     out : array, shape (rows, columns, 6, 6)
@@ -136,7 +155,7 @@ def covariance_strip(
     for j in range(start, stop):
         for i in range(moments.shape[1]):
             m = moments[j, i]
-            gamma, excess = noise_gradient[j, i], excess_gradient[j, i]
+            gamma = noise_gradient[j, i]
             a, b, c = m[0] - gamma, m[6], m[12] - gamma
             weakest = (a + c) / 2 - math.sqrt((a - c) * (a - c) / 4 + b * b)
             if weakest < 1e-4 * (a + c):  # an edge or a grating: one direction only
@@ -145,19 +164,22 @@ def covariance_strip(
                 texture[j, i] = weakest / gamma if gamma > 0 else np.inf
             _assemble(m, full)
             for k in range(2):  # white noise adds Σw(1, X, Y)(1, X, Y)ᵀ, which is diagonal in a whole window
-                full[3 * k, 3 * k] -= excess
-                full[3 * k + 1, 3 * k + 1] -= excess
-                full[3 * k + 2, 3 * k + 2] -= excess
+                full[3 * k, 3 * k] -= gamma
+                full[3 * k + 1, 3 * k + 1] -= gamma
+                full[3 * k + 2, 3 * k + 2] -= gamma
             if not cholesky(full, 1e-6):
                 out[j, i] = np.nan
                 continue
+            rho = 2 * gamma / (a + c) / FEEDBACK_STEP
+            entry = int(min(rho, feedback.shape[1] - 1.0))
             _assemble(sandwich[j, i], meat)
             for k in range(6):  # bread = transform · H̃⁻¹, row by row
                 for n in range(6):
                     column[n] = transform[k, n]
                 cholesky_solve(full, column)
+                factor = feedback[0 if k < 2 else 1, entry]
                 for n in range(6):
-                    bread[k, n] = column[n]
+                    bread[k, n] = factor * column[n]
             for k in range(6):
                 for n in range(6):
                     total = 0.0

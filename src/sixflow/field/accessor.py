@@ -67,6 +67,22 @@ class SixflowAccessor:
         """
         return derive(self._field, "lie_algebra_element")
 
+    def derive(self, name: str) -> xr.DataArray:
+        """Any derived quantity by its name, such as "hencky_max_shear", "small_rotation" or "shear_rate".
+
+        Parameters
+        ----------
+        name : str
+            Name of a property of this accessor, or of what it has no property for; a wrong name lists them
+            all.
+
+        Raises
+        ------
+        InputError
+            If there is no such quantity.
+        """
+        return derive(self._field, name)
+
     # Measures of deformation
 
     @property

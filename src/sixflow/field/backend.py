@@ -1,6 +1,7 @@
 """The backend by which xarray itself opens field files: ``xr.open_dataset("field.nc", engine="sixflow")``.
 
-xarray imports this module when it looks for its engines, so the accessor is there as soon as any file has been opened.
+xarray imports this module when it looks for its engines, so the accessor is there as soon as any file has
+been opened.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ class FieldBackend(BackendEntrypoint):
 
     description = "Optical flow fields written by sixflow (.nc, .zarr)"
 
-    def open_dataset(  # type: ignore[override]
+    def open_dataset(
         self, filename_or_obj: Any, *, drop_variables: str | Iterable[str] | None = None
     ) -> xr.Dataset:
         """Open a field file; see `sixflow.write.open_field`."""

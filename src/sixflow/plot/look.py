@@ -26,6 +26,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from sixflow.errors import InputError
+
 Array = NDArray[Any]
 
 FONT = 7.0
@@ -49,6 +51,21 @@ def new_figure(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), dpi=150, layout="constrained", facecolor="white")
     FigureCanvasAgg(figure)
     return figure
+
+
+def require_axes(ax: object) -> Axes:
+    """Return `ax` if it is axes of matplotlib.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
+    if not isinstance(ax, Axes):
+        raise InputError(
+            f"ax is a {type(ax).__name__}: give axes of matplotlib, such as Figure().add_subplot()"
+        )
+    return ax
 
 
 def tidy(ax: Axes, *, title: str, x_label: str, y_label: str) -> None:

@@ -11,7 +11,7 @@ from typing import TypeAlias, cast
 import xarray as xr
 
 from sixflow.errors import FieldFileError
-from sixflow.write.layout import batches, checked_field
+from sixflow.write.layout import batches, checked_field, in_order
 from sixflow.write.target import SUFFIXES, check_output, is_zarr, staged
 
 Writer: TypeAlias = Callable[[Path, Iterator[xr.Dataset]], None]
@@ -30,8 +30,8 @@ def write_field(field: xr.Dataset, path: str | os.PathLike[str], overwrite: bool
     field : xarray.Dataset
         The result of a measurement, or a part of it.
     path : path
-        Where to; the suffix chooses the format: ``.nc`` netCDF-4, ``.zarr`` a Zarr v3 folder, ``.csv`` a table with
-        one row per point and time, which has no covariances and cannot be read back.
+        Where to; the suffix chooses the format: ``.nc`` netCDF-4, ``.zarr`` a Zarr v3 folder, ``.csv`` a
+        table with one row per point and time, which has no covariances and cannot be read back.
     overwrite : bool
         Whether an existing output is replaced. It stays intact until the new one is complete.
 
@@ -43,8 +43,8 @@ def write_field(field: xr.Dataset, path: str | os.PathLike[str], overwrite: bool
     Raises
     ------
     FieldFileError
-        If the output exists and `overwrite` is False, the suffix is unknown, the folder is missing, or the disk
-        refuses.
+        If the output exists and `overwrite` is False, the suffix is unknown, the folder is missing, or the
+        disk refuses.
     InputError
         If `field` is no field.
 
@@ -64,7 +64,7 @@ def write_field(field: xr.Dataset, path: str | os.PathLike[str], overwrite: bool
 
 
 def save(parts: Iterator[xr.Dataset], target: Path, overwrite: bool) -> None:
-    """Write the parts of a field, which follow each other in time, in the format of the suffix of `target`."""
+    """Write the parts of a field, which follow each other in time, in the format that `target` names."""
     suffix = target.suffix.lower()
     module = importlib.import_module(f"sixflow.write.{_MODULES[suffix]}")
     with staged(target, overwrite) as partial:
@@ -72,15 +72,15 @@ def save(parts: Iterator[xr.Dataset], target: Path, overwrite: bool) -> None:
             cast(Writer, module.write)(partial, parts)
         except (TypeError, ValueError) as error:
             raise FieldFileError(
-                f"{target}: the field holds something that a {suffix} file cannot ({error}); remove or convert it"
+                f"{target}: the field holds something that a {suffix} file cannot: {error}; convert it"
             ) from error
 
 
 def open_field(path: str | os.PathLike[str]) -> xr.Dataset:
     """Read a field back from a ``.nc`` or ``.zarr`` file.
 
-    The values are loaded when they are used, so that a recording larger than the memory can be opened. Use the result
-    in a ``with`` statement, or call its ``close``, to release the file.
+    The values are loaded when they are used, so that a recording larger than the memory can be opened. Use
+    the result in a ``with`` statement, or call its ``close``, to release the file.
 
     Parameters
     ----------
@@ -123,11 +123,9 @@ def open_field(path: str | os.PathLike[str]) -> xr.Dataset:
     if not any({"y", "x"} <= set(variable.dims) for variable in field.data_vars.values()):
         field.close()
         raise FieldFileError(f"{path}: holds no field: no variable has the dimensions y and x")
-    names = {name: field[name].astype(str) for name in ("param", "param2") if name in field.coords}
-    close = field.close
-    field = field.assign_coords(names).drop_encoding()
-    field.set_close(close)
-    return field
+    plain = in_order(field).drop_encoding()
+    plain.set_close(field.close)
+    return plain
 
 
 def _check_input(path: Path) -> None:

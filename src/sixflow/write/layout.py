@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import xarray as xr
 
 from sixflow.errors import InputError
+from sixflow.field.dataset import SIX
 
 
 def checked_field(field: xr.Dataset) -> xr.Dataset:
@@ -22,10 +23,17 @@ def checked_field(field: xr.Dataset) -> xr.Dataset:
         raise InputError(f"field: a {type(field).__name__}; give the xarray.Dataset of a measurement")
     if not any({"y", "x"} <= set(variable.dims) for variable in field.data_vars.values()):
         raise InputError(
-            f"field: no variable has the dimensions y and x, only {', '.join(map(str, field.dims)) or 'none'}; "
-            "give the dataset of a measurement"
+            f"field: no variable has the dimensions y and x, "
+            f"only {', '.join(map(str, field.dims)) or 'none'}; give the dataset of a measurement"
         )
     return field.drop_encoding()
+
+
+def in_order(field: xr.Dataset) -> xr.Dataset:
+    """Return the field with its variables in the usual order, which stores do not keep; others come last."""
+    known = (*SIX, "covariance", "residual", "noise", "flag")
+    others = sorted(str(name) for name in field.data_vars if name not in known)
+    return field[[name for name in known if name in field.data_vars] + others]
 
 
 def chunk_shape(variable: xr.Variable, time_chunk: int, limit: int) -> tuple[int, ...]:

@@ -1,4 +1,4 @@
-"""NetCDF-4 files, by h5netcdf, such that MATLAB, ParaView and every reader built on the netCDF-C library understand them.
+"""NetCDF-4 files, by h5netcdf, that MATLAB, ParaView and all that is built on the netCDF library can read.
 
 Names (`param`) are arrays of characters and attributes are text of fixed length, which is what those programs
 expect; variable-length strings of HDF5 would stop ParaView from opening the file.
@@ -63,8 +63,8 @@ def _pairs(variable: xr.Variable) -> int:
 def _extend(path: Path, parts: Iterator[xr.Dataset], count: int) -> None:
     import h5netcdf
 
-    for part in parts:
-        with h5netcdf.File(path, "r+") as file:
+    with h5netcdf.File(path, "r+") as file:
+        for part in parts:
             end = count + part.sizes["time"]
             file.resize_dimension("time", end)
             for name, variable in part.variables.items():

@@ -1,9 +1,10 @@
 """Recordings: fields of a long measurement, written batch by batch and continued after an interruption.
 
-The batches gather in a Zarr store inside the folder ``<name>.partial`` beside the output. Each batch fills whole chunks,
-which are never touched again; a small file beside the store tells how many pairs are complete and is replaced
-in one step after each batch. So whatever happens, the pairs counted there are intact. In the end a ``.zarr`` output
-is this store, renamed; a ``.nc`` or ``.csv`` output is copied from it, batch by batch.
+The batches gather in a Zarr store inside the folder ``<name>.partial`` beside the output. Each batch fills
+whole chunks, which are never touched again; a small file beside the store tells how many pairs are complete
+and is replaced in one step after each batch. So whatever happens, the pairs counted there are intact. In
+the end a ``.zarr`` output is this store, renamed; a ``.nc`` or ``.csv`` output is copied from it, batch by
+batch.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import xarray as xr
 
 from sixflow.errors import FieldFileError, InputError
 from sixflow.write.fieldfile import save
-from sixflow.write.layout import batches, checked_field
+from sixflow.write.layout import batches, checked_field, in_order
 from sixflow.write.target import check_output, publish, remove
 
 
@@ -28,7 +29,8 @@ class RecordingWriter:
     """Writes the field of a recording while it is measured.
 
     Use it in a ``with`` statement. When the block ends well the output appears under its name; when it
-    ends with an exception, or the process is killed, what is complete stays in ``<name>.partial`` and can be continued.
+    ends with an exception, or the process is killed, what is complete stays in ``<name>.partial`` and can
+    be continued.
 
     Parameters
     ----------
@@ -39,17 +41,17 @@ class RecordingWriter:
     resume : bool
         Whether to continue an unfinished recording, if there is one.
     attrs : mapping, optional
-        Attributes that the fields are going to have. With `resume`, ``settings`` and every name with ``digest`` in it
-        are compared with the unfinished recording before anything is measured. They are compared again with the
-        first field.
+        Attributes that the fields are going to have. With `resume`, ``settings`` and every name with
+        ``digest`` in it are compared with the unfinished recording before anything is measured. They are
+        compared again with the first field.
     batch : int
         Pairs per chunk and per write, at least 1. A resumed recording keeps the number that it began with.
 
     Raises
     ------
     FieldFileError
-        On entry, if the output cannot be written (`check_output`), if an unfinished recording is in the way, or if it
-        belongs to other settings or other frames.
+        On entry, if the output cannot be written (`check_output`), if an unfinished recording is in the
+        way, or if it belongs to other settings or other frames.
     InputError
         If a field has another grid or other variables than the first.
 
@@ -58,7 +60,8 @@ class RecordingWriter:
     >>> import tempfile
     >>> from sixflow.write import open_field
     >>> def pair(number):
-    ...     return xr.Dataset({"u": (("time", "y", "x"), np.full((1, 2, 3), 1.0 * number))}, {"time": [number]})
+    ...     u = np.full((1, 2, 3), float(number))
+    ...     return xr.Dataset({"u": (("time", "y", "x"), u)}, {"time": [number]})
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     with RecordingWriter(folder + "/run.zarr", batch=2) as writer:
     ...         for number in range(writer.done, 5):
@@ -160,8 +163,9 @@ class RecordingWriter:
         for name in sorted(ours.keys() | theirs.keys()):
             if ours.get(name) != theirs.get(name):
                 raise FieldFileError(
-                    f"{self.partial}: the unfinished recording has {name} = {theirs.get(name)}, but now it is "
-                    f"{ours.get(name)}; take the former, or discard it with overwrite=True (--overwrite)"
+                    f"{self.partial}: the unfinished recording has {name} = {theirs.get(name)}, "
+                    f"but now it is {ours.get(name)}; take the former, "
+                    "or discard the recording with overwrite=True (--overwrite)"
                 )
 
     def _flush(self, field: xr.Dataset) -> None:
@@ -216,8 +220,7 @@ class RecordingWriter:
         from sixflow.write import zarrstore
 
         with zarrstore.read(self._store) as field:
-            names = {name: field[name].astype(str) for name in ("param", "param2") if name in field.coords}
-            yield from batches(field.assign_coords(names).drop_encoding(), self._batch)
+            yield from batches(in_order(field).drop_encoding(), self._batch)
 
 
 def _identifying(attrs: Mapping[str, Any]) -> set[str]:
@@ -233,7 +236,7 @@ def _check_alike(field: xr.Dataset, template: xr.Dataset) -> None:
     if set(field.variables) != set(template.variables):
         differing = ", ".join(sorted(map(str, set(field.variables) ^ set(template.variables))))
         raise InputError(
-            f"field: its variables differ from those of the first field by {differing}; append alike fields"
+            f"field: its variables differ from those of the first field by {differing}; leave none out"
         )
 
 

@@ -1,7 +1,8 @@
 """Tables: a field as CSV text, one row per point and time, for spreadsheets and statistics programs.
 
-Lines that start with ``#`` tell version, settings and the meaning of the columns; column names carry the unit, as
-in ``u_px``. Standard errors (``u_se_px``) stand beside their values. Points without a value have empty cells.
+Lines that start with ``#`` tell version, settings and the meaning of the columns; column names carry the
+unit, as in ``u_px``. Standard errors (``u_se_px``) stand beside their values. Points without a value have
+empty cells.
 """
 
 from __future__ import annotations

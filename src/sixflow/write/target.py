@@ -36,8 +36,8 @@ def check_output(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     Raises
     ------
     FieldFileError
-        If the suffix is unknown, the folder is missing or cannot be written to, or something is already there that
-        may not be replaced.
+        If the suffix is unknown, the folder is missing or cannot be written to, or something is already
+        there that may not be replaced.
 
     Examples
     --------

@@ -1,6 +1,7 @@
 """Zarr v3 stores, which grow along time by whole chunks.
 
-A store under construction has no consolidated metadata; `seal` adds it, so that readers find everything in one file.
+A store under construction has no consolidated metadata; `seal` adds it, so that readers find everything in
+one file.
 """
 
 from __future__ import annotations
@@ -63,7 +64,8 @@ def cut(path: Path, count: int) -> None:
     for name in group.array_keys():
         array = group[name]
         assert isinstance(array, zarr.Array)
-        if (array.metadata.dimension_names or ("",))[0] == "time" and array.shape[0] > count:
+        names = getattr(array.metadata, "dimension_names", None) or ("",)
+        if names[0] == "time" and array.shape[0] > count:
             array.resize((count, *array.shape[1:]))
 
 
@@ -78,10 +80,21 @@ def read(path: Path) -> xr.Dataset:
     with _quiet():
         sealed = zarr.open_group(path, mode="r").metadata.consolidated_metadata is not None
         field = xr.open_zarr(path, chunks=None, consolidated=sealed)
+    close = field.close
+    field = field.assign(
+        {name: _unicode(value) for name, value in field.variables.items() if value.dtype.kind in "TO"}
+    )
+    field.set_close(close)
     for variable in field.variables.values():
         if "flag_masks" in variable.attrs:  # JSON knows lists, not arrays
             variable.attrs["flag_masks"] = np.asarray(variable.attrs["flag_masks"], dtype=variable.dtype)
     return field
+
+
+def _unicode(variable: xr.Variable) -> xr.Variable:
+    """Return text of variable length as NumPy's ordinary type."""
+    text = np.array([str(value) for value in variable.values.ravel()]).reshape(variable.shape)
+    return xr.Variable(variable.dims, text, variable.attrs)
 
 
 @contextlib.contextmanager
