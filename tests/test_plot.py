@@ -1,4 +1,4 @@
-"""Plots: what is drawn, in which units and colours, and what is refused. Warnings of matplotlib are errors."""
+"""Plots: what is drawn, in which units and colours, and what is refused."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
-from test_accessor import make_field, rotation, spoil
 
 from sixflow.convention import six_from_gradient
 from sixflow.errors import FieldFileError, InputError
 from sixflow.field.dataset import SIX
 from sixflow.plot import plot_arrows, plot_field, plot_glyphs, plot_map
 from sixflow.plot.look import FAILED_FACE, MASKED_FACE, power_of_ten, signed_limit, with_power
+from test_accessor import make_field, rotation, spoil
 
 Array = np.ndarray[Any, Any]
 
@@ -49,11 +49,16 @@ def ax() -> Axes:
     return Figure(layout="constrained").add_subplot()
 
 
+def draw(figure: Any) -> FigureCanvasAgg:
+    """Draw a figure, so that its layout is settled."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return canvas
+
+
 def pixel(ax: Axes, x: float, y: float) -> Array:
     """Colour, 0 to 1, drawn at a place of the axes."""
-    canvas = FigureCanvasAgg(ax.figure)
-    canvas.draw()
-    picture = np.asarray(canvas.buffer_rgba())
+    picture = np.asarray(draw(ax.figure).buffer_rgba())
     column, row = ax.transData.transform((x, y))
     return picture[round(picture.shape[0] - row), round(column), :3] / 255
 
@@ -65,7 +70,7 @@ def test_the_whole_figure(field: xr.Dataset, frame: Array, units: Any, y_up: boo
     figure = plot_field(
         field, frame if with_frame else None, units=units, y_up=y_up, time=1, title="a vortex"
     )
-    figure.canvas.draw()
+    draw(figure)
     titles = [ax.get_title(loc="left").replace("\n", " ") for ax in figure.axes]
     assert len(figure.axes) == 14
     if units == "px":
@@ -86,7 +91,7 @@ def test_without_standard_errors_covariance_flags_and_frame_shape(field: xr.Data
     bare = field[list(SIX)].isel(time=0)
     del bare.attrs["frame_shape"]
     figure = plot_field(bare)
-    figure.canvas.draw()
+    draw(figure)
     assert len(figure.axes) == 8
 
 
@@ -153,7 +158,7 @@ def test_powers_of_ten_in_units() -> None:
 )
 def test_maps_of_other_numbers(field: xr.Dataset, ax: Axes, name: str) -> None:
     plot_map(field, name, ax)
-    ax.figure.canvas.draw()
+    draw(ax.figure)
     assert ax.get_title(loc="left").startswith(name.replace("_", " "))
 
 
@@ -177,7 +182,7 @@ def test_map_cells_are_centred_on_the_grid_points(field: xr.Dataset, ax: Axes) -
 @pytest.mark.parametrize("y_up", [False, True])
 def test_arrows_point_where_the_motion_goes(ax: Axes, y_up: bool) -> None:
     quiver = plot_arrows(make_field(np.array([1.0, 2.0, 0, 0, 0, 0])), ax, y_up=y_up)
-    ax.figure.canvas.draw()
+    draw(ax.figure)
     # Downwards on the screen for a positive v, whatever the direction of the axis.
     tip = ax.transData.transform((10 + quiver.U[0], quiver.V[0])) - ax.transData.transform((10, 0))
     assert tip[0] > 0
@@ -198,7 +203,7 @@ def test_glyphs_turn_clockwise_for_positive_curl_and_stay_circles(ax: Axes, y_up
     angle = 0.1
     field = make_field(rotation(angle), x=[8, 16], y=[8, 16], frame_shape=(24, 24))
     ellipses = plot_glyphs(field, ax, exaggerate=4, y_up=y_up)
-    ax.figure.canvas.draw()
+    draw(ax.figure)
     outline = ellipses.get_paths()[0].vertices
     radii = np.hypot(*(outline - outline[:-1].mean(axis=0)).T)
     np.testing.assert_allclose(radii, radii[0])
@@ -222,14 +227,14 @@ def test_fields_at_rest_without_numbers_and_of_one_point(frame: Array) -> None:
         make_field(np.ones(6), x=[30], y=[20]),
         make_field(np.array([0, 0, 0, 0, 5.0, 0])),
     ):
-        plot_field(field, frame).canvas.draw()
+        draw(plot_field(field, frame))
 
 
 def test_frames_in_colour_float_constant_and_with_nan(field: xr.Dataset, frame: Array) -> None:
     spotted = frame.astype(float)
     spotted[3, 3] = np.nan
     for picture in (np.stack([frame] * 3, axis=-1), spotted, np.zeros((50, 66)), frame > 100):
-        plot_arrows(field, Figure().add_subplot(), picture).figure.canvas.draw()
+        draw(plot_arrows(field, Figure().add_subplot(), picture).figure)
 
 
 @pytest.mark.parametrize(

@@ -277,8 +277,8 @@ class _Session:
                 raise InputError("mask is True only where frame 0 has no value (NaN or infinite): nothing is left to measure")
         start = search(region, moved.frame, grid, settings, self.workspace)
         passes = Passes(region, moved.frame, grid, settings, self.workspace)
-        maps, quality, update = refine(passes, start)
-        flag = flag_points(maps, quality, update, grid, region, settings)
+        maps, quality, left = refine(passes, start)
+        flag = flag_points(maps, quality, left, grid, region, settings)
         failed = (flag & FAILING).astype(bool)
         six = np.stack([maps[0], maps[1], maps[2] + maps[5], maps[4] - maps[3], maps[2] - maps[5], maps[3] + maps[4]], axis=-1)
         result = [six, quality.covariance, quality.residual, quality.noise]

@@ -56,8 +56,11 @@ def search(reference: Frame, moved: Frame, grid: Grid, settings: Settings, works
         here = Grid.over(small.image.shape, max(2, round(settings.window / 4)))
         maps = np.zeros((6, *here.shape)) if maps is None else finer(maps, found, here, 2.0)
         passes = Passes(small, small_moved, here, coarse, workspace)
+        start = maps
         for _ in range(FIRST_PASSES if level == top else LEVEL_PASSES):
             maps = settle(passes.solve(maps), here.step, settings.window)
+        # where halving has left no texture, what the level found is noise: keep what was known before
+        maps = np.where(passes.trust(), maps, start)
         found = here
     if maps is None:
         return np.zeros((6, *grid.shape))

@@ -40,7 +40,7 @@ class Settings:
     passes : int
         Upper limit of passes at full resolution, at least 1.
     tolerance : float
-        A point has converged when a pass moves it by less than this, px, greater than 0.
+        A point has converged when it is closer than this to where more passes would bring it, px, greater than 0.
     float64 : bool
         Compute in double precision: twice the memory, for noise-free studies.
     pixel_size : float or None
@@ -72,7 +72,7 @@ class Settings:
     lighting: Lighting = "none"
     levels: int | None = None
     passes: int = 8
-    tolerance: float = 0.005
+    tolerance: float = 0.002
     float64: bool = False
     pixel_size: float | None = None
     length_unit: str = "mm"
@@ -107,7 +107,7 @@ class Settings:
             _is_number(self.tolerance) and self.tolerance > 0,
             "tolerance",
             self.tolerance,
-            "must be a positive number of pixels, such as 0.005",
+            "must be a positive number of pixels, such as 0.002",
         )
         _require(isinstance(self.float64, bool), "float64", self.float64, "must be True or False")
         for name in ("pixel_size", "frame_interval"):

@@ -172,7 +172,7 @@ def settle(maps: NDArray[Any], step: int, window: float) -> NDArray[Any]:
 def flag_points(
     maps: NDArray[Any],
     quality: Quality,
-    update: NDArray[Any],
+    left: NDArray[Any],
     grid: Grid,
     reference: Frame,
     settings: Settings,
@@ -183,7 +183,7 @@ def flag_points(
     ----------
     maps : array, shape (6, rows, columns)
         Solution of the last pass; NaN where its equations were singular.
-    quality, update
+    quality, left
         As `refine.refine` returns them.
     grid : Grid
     reference : Frame
@@ -195,14 +195,14 @@ def flag_points(
     with np.errstate(invalid="ignore"):
         error = np.sqrt(np.maximum(variance[..., 0, 0], variance[..., 1, 1])).astype(np.float64)
         x, y = grid.x + maps[0], grid.y[:, None] + maps[1]
-        left = ~((x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1))
+        outside = ~((x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1))
         unknown = np.isnan(maps).any(axis=0)
         measurable = (quality.texture > MINIMUM_TEXTURE) & (error < MAXIMUM_ERROR)
         flag[quality.weight < COMPLETE_WEIGHT] |= FLAGS["border"]
         flag[unknown | ~measurable] |= FLAGS["low_texture"]
-        gone = (left & ~unknown) | (quality.weight < MINIMUM_WEIGHT) | (quality.residual > MAXIMUM_RESIDUAL)
+        gone = (outside & ~unknown) | (quality.weight < MINIMUM_WEIGHT) | (quality.residual > MAXIMUM_RESIDUAL)
         flag[gone] |= FLAGS["unmatched"]
-        flag[update > np.maximum(settings.tolerance, error / 4)] |= FLAGS["not_converged"]
+        flag[left > np.maximum(settings.tolerance, error / 4)] |= FLAGS["not_converged"]
     masked = _masked(reference.valid, grid)
     trusted = np.where((flag & FAILING).astype(bool) | masked, np.nan, maps)
     floor = np.maximum(FLOOR, np.nan_to_num(error, nan=FLOOR))

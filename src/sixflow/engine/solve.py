@@ -28,56 +28,78 @@ from numpy.typing import NDArray
 from sixflow.engine.compiler import kernel
 
 
-@kernel
-def _assemble(moments: NDArray[Any], matrix: NDArray[Any]) -> None:
-    """6×6 matrix Σ w f ⊗ (1, X, Y)(1, X, Y)ᵀ from the 18 moments of g_x², g_x g_y, g_y²."""
-    for block in range(3):
-        m = moments[6 * block : 6 * block + 6]
-        row, column = (3 if block == 2 else 0), (0 if block == 0 else 3)
-        matrix[row, column] = m[0]
-        matrix[row, column + 1] = matrix[row + 1, column] = m[1]
-        matrix[row, column + 2] = matrix[row + 2, column] = m[2]
-        matrix[row + 1, column + 1] = m[3]
-        matrix[row + 1, column + 2] = matrix[row + 2, column + 1] = m[4]
-        matrix[row + 2, column + 2] = m[5]
-    for i in range(3):
-        for j in range(3):
-            matrix[3 + j, i] = matrix[i, 3 + j]
+LANES = 16
+"""Points that are worked on side by side: every loop below ends in one over LANES points, which is vector code."""
+
+FEEDBACK_STEP = 0.01
 
 
 @kernel
-def cholesky(matrix: NDArray[Any], threshold: float) -> bool:
-    """Lower Cholesky factor of a 6×6 matrix in place, with inverse diagonal; False where a pivot is not above `threshold` times its diagonal element."""
+def _assemble(moments: NDArray[Any], j: int, first: int, matrix: NDArray[Any]) -> None:
+    """6×6 matrices Σ w f ⊗ (1, X, Y)(1, X, Y)ᵀ of LANES points from their 18 moments of g_x², g_x g_y, g_y².
+
+    `moments` is (rows, columns, ≥ 18); lanes beyond the last column repeat it. `matrix` is (6, 6, LANES); its lower triangle is written.
+    """
+    last = moments.shape[1] - 1
+    for lane in range(LANES):
+        m = moments[j, min(first + lane, last)]
+        for block in range(3):
+            row, column, at = (3 if block > 0 else 0), (3 if block == 2 else 0), 6 * block
+            matrix[row, column, lane] = m[at]
+            matrix[row + 1, column, lane] = m[at + 1]
+            matrix[row + 2, column, lane] = m[at + 2]
+            matrix[row + 1, column + 1, lane] = m[at + 3]
+            matrix[row + 2, column + 1, lane] = m[at + 4]
+            matrix[row + 2, column + 2, lane] = m[at + 5]
+            if block == 1:  # off-diagonal block, symmetric itself
+                matrix[row, column + 1, lane] = m[at + 1]
+                matrix[row, column + 2, lane] = m[at + 2]
+                matrix[row + 1, column + 2, lane] = m[at + 4]
+
+
+@kernel
+def cholesky(matrix: NDArray[Any]) -> None:
+    """Lower Cholesky factors of (6, 6, LANES) matrices in place, with inverse diagonals.
+
+    A matrix that is not safely positive definite (a pivot below 1e-6 of its diagonal element) becomes NaN.
+    """
     for j in range(6):
         diagonal = matrix[j, j]
-        pivot = diagonal
-        for k in range(j):
-            pivot -= matrix[j, k] * matrix[j, k]
-        if not pivot > threshold * diagonal or not diagonal > 0:
-            return False
-        inverse = 1 / math.sqrt(pivot)
-        matrix[j, j] = inverse
-        for i in range(j + 1, 6):
-            total = matrix[i, j]
+        for lane in range(LANES):
+            pivot = diagonal[lane]
             for k in range(j):
-                total -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = total * inverse
-    return True
+                pivot -= matrix[j, k, lane] * matrix[j, k, lane]
+            safe = pivot > 1e-6 * diagonal[lane] and diagonal[lane] > 0
+            diagonal[lane] = 1 / math.sqrt(pivot) if safe else np.nan
+        for i in range(j + 1, 6):
+            below = matrix[i, j]
+            for k in range(j):
+                a, b = matrix[i, k], matrix[j, k]
+                for lane in range(LANES):
+                    below[lane] -= a[lane] * b[lane]
+            for lane in range(LANES):
+                below[lane] *= diagonal[lane]
 
 
 @kernel
 def cholesky_solve(factor: NDArray[Any], right: NDArray[Any]) -> None:
-    """Solve L Lᵀ θ = right in place."""
+    """Solve L Lᵀ θ = right in place; factor (6, 6, LANES) from `cholesky`, right (6, LANES)."""
     for i in range(6):
-        total = right[i]
+        target, diagonal = right[i], factor[i, i]
         for k in range(i):
-            total -= factor[i, k] * right[k]
-        right[i] = total * factor[i, i]
+            a, b = factor[i, k], right[k]
+            for lane in range(LANES):
+                target[lane] -= a[lane] * b[lane]
+        for lane in range(LANES):
+            target[lane] *= diagonal[lane]
     for i in range(5, -1, -1):
-        total = right[i]
+        target, diagonal = right[i], factor[i, i]
         for k in range(i + 1, 6):
-            total -= factor[k, i] * right[k]
-        right[i] = total * factor[i, i]
+            a, b = factor[k, i], right[k]
+            for lane in range(LANES):
+                target[lane] -= a[lane] * b[lane]
+        for lane in range(LANES):
+            target[lane] *= diagonal[lane]
 
 
 @kernel
@@ -91,23 +113,23 @@ def solve_strip(moments: NDArray[Any], sigma: float, start: int, stop: int, out:
     out : array, shape (6, rows, columns)
         u, v, u_x, u_y, v_x, v_y; NaN where the equations are singular.
     """
-    matrix = np.empty((6, 6))
-    theta = np.empty(6)
+    matrix = np.empty((6, 6, LANES))
+    theta = np.empty((6, LANES))
+    columns = moments.shape[1]
     for j in range(start, stop):
-        for i in range(moments.shape[1]):
-            _assemble(moments[j, i], matrix)
-            for k in range(6):
-                theta[k] = moments[j, i, 18 + k]
-            if cholesky(matrix, 1e-6):
-                cholesky_solve(matrix, theta)
-            else:
-                theta[:] = np.nan
-            out[0, j, i], out[1, j, i] = theta[0], theta[3]
-            out[2, j, i], out[3, j, i] = theta[1] / sigma, theta[2] / sigma
-            out[4, j, i], out[5, j, i] = theta[4] / sigma, theta[5] / sigma
-
-
-FEEDBACK_STEP = 0.01
+        for first in range(0, columns, LANES):
+            _assemble(moments, j, first, matrix)
+            for lane in range(LANES):
+                m = moments[j, min(first + lane, columns - 1)]
+                for k in range(6):
+                    theta[k, lane] = m[18 + k]
+            cholesky(matrix)
+            cholesky_solve(matrix, theta)
+            for lane in range(min(LANES, columns - first)):
+                i = first + lane
+                out[0, j, i], out[1, j, i] = theta[0, lane], theta[3, lane]
+                out[2, j, i], out[3, j, i] = theta[1, lane] / sigma, theta[2, lane] / sigma
+                out[4, j, i], out[5, j, i] = theta[4, lane] / sigma, theta[5, lane] / sigma
 
 
 @cache
@@ -120,16 +142,45 @@ def noise_feedback() -> NDArray[np.float64]:
 
 
 @kernel
+def texture_strip(
+    moments: NDArray[Any], noise_gradient: NDArray[Any], start: int, stop: int, texture: NDArray[Any], rho: NDArray[Any]
+) -> None:
+    """Signal-to-noise ratio of the gradients of every window, grid rows start … stop.
+
+    Parameters
+    ----------
+    moments : array, shape (rows, columns, ≥ 18)
+    noise_gradient : array, shape (rows, columns)
+        γ, what noise alone adds to Σ w g_x² (and Σ w g_y²).
+    texture : array, shape (rows, columns)
+        Smallest eigenvalue of the 2×2 matrix Σ w g gᵀ, less noise, over the noise: the weakest direction's signal-to-noise ratio
+        (power); 0 where there is one direction only.
+    rho : array, shape (rows, columns)
+        γ over the mean of the two eigenvalues less noise; negative where there is nothing but noise.
+    """
+    for j in range(start, stop):
+        for i in range(moments.shape[1]):
+            m, gamma = moments[j, i], noise_gradient[j, i]
+            a, b, c = m[0] - gamma, m[6], m[12] - gamma
+            weakest = (a + c) / 2 - math.sqrt((a - c) * (a - c) / 4 + b * b)
+            rho[j, i] = 2 * gamma / (a + c)
+            if not weakest > 1e-4 * (a + c):  # an edge or a grating: one direction only
+                texture[j, i] = 0.0
+            else:
+                texture[j, i] = weakest / gamma if gamma > 0 else np.inf
+
+
+@kernel
 def covariance_strip(
     moments: NDArray[Any],
     sandwich: NDArray[Any],
     noise_gradient: NDArray[Any],
+    rho: NDArray[Any],
     feedback: NDArray[Any],
     transform: NDArray[Any],
     start: int,
     stop: int,
     out: NDArray[Any],
-    texture: NDArray[Any],
 ) -> None:
     """Covariance of the six numbers for the grid rows start … stop.
 
@@ -137,59 +188,58 @@ def covariance_strip(
     ----------
     moments : array, shape (rows, columns, 24)
     sandwich : array, shape (rows, columns, 18)
-    noise_gradient : array, shape (rows, columns)
-        What noise alone adds to Σ w g_x² (and Σ w g_y²).
+    noise_gradient, rho : arrays, shape (rows, columns)
+        As for `texture_strip`.
     feedback : array, shape (2, entries)
         From `noise_feedback`.
     transform : array, shape (6, 6)
         From the unknowns θ to the six numbers.
     out : array, shape (rows, columns, 6, 6)
         NaN where the texture does not rise above the noise.
-    texture : array, shape (rows, columns)
-        Smallest eigenvalue of the 2×2 matrix Σ w g gᵀ, less noise, over the noise: the weakest direction's signal-to-noise ratio (power); 0 where
-        there is one direction only.
     """
-    full, meat = np.empty((6, 6)), np.empty((6, 6))
-    bread, half = np.empty((6, 6)), np.empty((6, 6))
-    column = np.empty(6)
+    full, meat = np.empty((6, 6, LANES)), np.empty((6, 6, LANES))
+    bread, half = np.empty((6, 6, LANES)), np.empty((6, LANES))
+    factor = np.empty((2, LANES))
+    columns = moments.shape[1]
     for j in range(start, stop):
-        for i in range(moments.shape[1]):
-            m = moments[j, i]
-            gamma = noise_gradient[j, i]
-            a, b, c = m[0] - gamma, m[6], m[12] - gamma
-            weakest = (a + c) / 2 - math.sqrt((a - c) * (a - c) / 4 + b * b)
-            if weakest < 1e-4 * (a + c):  # an edge or a grating: one direction only
-                texture[j, i] = 0.0
-            else:
-                texture[j, i] = weakest / gamma if gamma > 0 else np.inf
-            _assemble(m, full)
-            for k in range(2):  # white noise adds Σw(1, X, Y)(1, X, Y)ᵀ, which is diagonal in a whole window
-                full[3 * k, 3 * k] -= gamma
-                full[3 * k + 1, 3 * k + 1] -= gamma
-                full[3 * k + 2, 3 * k + 2] -= gamma
-            if not cholesky(full, 1e-6):
-                out[j, i] = np.nan
-                continue
-            rho = 2 * gamma / (a + c) / FEEDBACK_STEP
-            entry = int(min(rho, feedback.shape[1] - 1.0))
-            _assemble(sandwich[j, i], meat)
+        for first in range(0, columns, LANES):
+            _assemble(moments, j, first, full)
+            _assemble(sandwich, j, first, meat)
+            for lane in range(LANES):
+                i = min(first + lane, columns - 1)
+                for k in range(6):  # white noise adds γ Σw(1, X, Y)(1, X, Y)ᵀ, diagonal in a whole window
+                    full[k, k, lane] -= noise_gradient[j, i]
+                entry = int(min(max(rho[j, i] / FEEDBACK_STEP, 0.0), feedback.shape[1] - 1.0))
+                factor[0, lane], factor[1, lane] = feedback[0, entry], feedback[1, entry]
+            for k in range(6):
+                for n in range(k + 1, 6):
+                    upper, lower = meat[k, n], meat[n, k]
+                    for lane in range(LANES):
+                        upper[lane] = lower[lane]
+            cholesky(full)
             for k in range(6):  # bread = transform · H̃⁻¹, row by row
+                row = bread[k]
                 for n in range(6):
-                    column[n] = transform[k, n]
-                cholesky_solve(full, column)
-                factor = feedback[0 if k < 2 else 1, entry]
+                    for lane in range(LANES):
+                        row[n, lane] = transform[k, n]
+                cholesky_solve(full, row)
+                scale = factor[0 if k < 2 else 1]
                 for n in range(6):
-                    bread[k, n] = factor * column[n]
+                    for lane in range(LANES):
+                        row[n, lane] *= scale[lane]
             for k in range(6):
                 for n in range(6):
-                    total = 0.0
+                    target = half[n]
+                    for lane in range(LANES):
+                        target[lane] = 0
                     for s in range(6):
-                        total += bread[k, s] * meat[s, n]
-                    half[k, n] = total
-            for k in range(6):
+                        a, b = bread[k, s], meat[s, n]
+                        for lane in range(LANES):
+                            target[lane] += a[lane] * b[lane]
                 for n in range(k + 1):
-                    total = 0.0
-                    for s in range(6):
-                        total += half[k, s] * bread[n, s]
-                    out[j, i, k, n] = total
-                    out[j, i, n, k] = total
+                    for lane in range(min(LANES, columns - first)):
+                        total = 0.0
+                        for s in range(6):
+                            total += half[s, lane] * bread[n, s, lane]
+                        out[j, first + lane, k, n] = total
+                        out[j, first + lane, n, k] = total

@@ -71,4 +71,5 @@ def _as_numbers(frame: Array, name: str) -> Array:
         raise InputError(
             f"{name}: values of type {frame.dtype} are no grey values; give integers, floats or booleans"
         )
-    return frame.astype(frame.dtype.newbyteorder("="), copy=False)
+    native = frame.dtype.newbyteorder("=")
+    return frame.astype(native, copy=False).view(native)

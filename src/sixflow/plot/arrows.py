@@ -13,7 +13,7 @@ from matplotlib.transforms import ScaledTranslation, Transform, blended_transfor
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.errors import InputError
-from sixflow.plot.look import ARROW, FONT, INK, nice_below
+from sixflow.plot.look import ARROW, FONT, INK, nice_below, require_axes
 from sixflow.plot.missing import fill_missing, mark_failed
 from sixflow.plot.view import Units, View
 
@@ -56,7 +56,8 @@ def plot_arrows(
     InputError
         If an argument cannot be used.
     """
-    return draw_arrows(ax, View.of(field, time=time, units=units, y_up=y_up), frame, arrows=arrows)
+    view = View.of(field, time=time, units=units, y_up=y_up)
+    return draw_arrows(require_axes(ax), view, frame, arrows=arrows)
 
 
 def draw_arrows(ax: Axes, view: View, frame: ArrayLike | None, *, arrows: int = 28) -> Quiver:

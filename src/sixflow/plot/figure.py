@@ -65,7 +65,7 @@ def plot_field(
     Returns
     -------
     Figure
-        A matplotlib figure that belongs to no window; `savefig` writes it, a notebook shows it.
+        A matplotlib figure that belongs to no window; its `savefig` writes it to a file.
 
     Raises
     ------

@@ -18,7 +18,7 @@ from sixflow.convention import deformation_gradient, exp_six, gradient, log_six
 from sixflow.errors import InputError
 from sixflow.field.derived import derived_error, six
 from sixflow.plot.arrows import draw_frame, thin
-from sixflow.plot.look import GLYPH_EDGE, GLYPH_FACE, REFERENCE, nice_below
+from sixflow.plot.look import GLYPH_EDGE, GLYPH_FACE, REFERENCE, nice_below, require_axes
 from sixflow.plot.missing import fill_missing, mark_failed
 from sixflow.plot.view import Units, View
 
@@ -67,7 +67,7 @@ def plot_glyphs(
         If an argument cannot be used.
     """
     view = View.of(field, time=time, units=units, y_up=y_up)
-    return draw_glyphs(ax, view, frame, exaggerate=exaggerate, glyphs=glyphs)
+    return draw_glyphs(require_axes(ax), view, frame, exaggerate=exaggerate, glyphs=glyphs)
 
 
 def draw_glyphs(

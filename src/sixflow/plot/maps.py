@@ -15,6 +15,7 @@ from sixflow.plot.look import (
     colour_map,
     error_limit,
     power_of_ten,
+    require_axes,
     signed_limit,
     with_power,
 )
@@ -81,13 +82,8 @@ def plot_map(
     """
     if limit is not None and not (np.isfinite(limit) and limit > 0):
         raise InputError(f"limit={limit!r}: must be a positive number, or None to choose it from the field")
-    return draw_map(
-        ax,
-        View.of(field, time=time, units=units, y_up=y_up),
-        name,
-        standard_error=standard_error,
-        limit=limit,
-    )
+    view = View.of(field, time=time, units=units, y_up=y_up)
+    return draw_map(require_axes(ax), view, name, standard_error=standard_error, limit=limit)
 
 
 def draw_map(

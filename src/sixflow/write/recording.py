@@ -151,7 +151,7 @@ class RecordingWriter:
         else:
             self._template = field.isel(time=slice(0))
         parts = [field] if self._pending is None else [self._pending, field]
-        self._pending = _joined(parts)
+        self._pending = _joined(parts) if len(parts) > 1 else field
         while self._pending.sizes["time"] >= self._batch:
             self._flush(self._pending.isel(time=slice(self._batch)))
             self._pending = self._pending.isel(time=slice(self._batch, None))

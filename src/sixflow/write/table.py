@@ -39,7 +39,7 @@ def write(path: Path, parts: Iterator[xr.Dataset]) -> None:
 
 def _comments(field: xr.Dataset, columns: dict[str, tuple[Array, str]]) -> Iterator[str]:
     for name, value in field.attrs.items():
-        text = value if isinstance(value, str) else json.dumps(value, default=str)
+        text = value if isinstance(value, str) else json.dumps(np.asarray(value).tolist(), default=str)
         yield f"{name}: {' '.join(text.splitlines())}"
     yield from (f"column {name}: {meaning}" for name, (_, meaning) in columns.items() if meaning)
 
