@@ -26,6 +26,8 @@ def test_array(stack):
         np.testing.assert_array_equal(np.stack(list(source)), stack)
     np.testing.assert_array_equal(source[-2], stack[3])
     assert open_frames(source) is source
+    assert source.fingerprint == open_frames(list(stack)).fingerprint
+    assert source.fingerprint != open_frames(stack[1:]).fingerprint
 
 
 def test_memory_map_and_foreign_byte_order(tmp_path, stack):

@@ -41,8 +41,9 @@ def make_field(pairs=3, rows=4, columns=5, seed=0, first=0, dtype="f4"):
         frame_numbers=[(k, k + 1) for k in frames],
         attrs={
             "settings": '{"window": 31}',
-            "digest": "ab12",
-            "version": "0.1",
+            "input_digest": "ab12",
+            "sixflow_version": "0.1",
+            "notes": "dark",
             "frame_shape": np.array([64, 80]),
         },
     )
@@ -183,7 +184,7 @@ def read_table(path):
 def test_table(tmp_path, field):
     comments, rows = read_table(write_field(field, tmp_path / "field.csv"))
     assert '# settings: {"window": 31}' in comments
-    assert "# version: 0.1" in comments
+    assert "# sixflow_version: 0.1" in comments
     assert "# column u_px: displacement to the right (x)" in comments
     assert list(rows[0]) == [
         *("time_s", "frame0", "frame1", "y_px", "x_px"),

@@ -1,5 +1,6 @@
 """Recordings written batch by batch: killed, resumed, and equal to one written in one go."""
 
+import hashlib
 import json
 import os
 import signal
@@ -7,13 +8,12 @@ import subprocess
 import sys
 import time
 
-import numpy as np
 import pytest
 import xarray as xr
 
 from sixflow.errors import FieldFileError, InputError
 from sixflow.write import RecordingWriter, open_field, write_field
-from sixflow.write.recording import RecordingWriter as _Writer
+from sixflow.write.progress import Progress
 from test_write import make_field, read_table
 
 PAIRS = 11
@@ -48,9 +48,20 @@ def write_part(path, whole, stop, **options):
     return caught.value
 
 
+def expected(whole, appended):
+    """Return the field that comes of so many appended parts: their digests are joined."""
+    digest = hashlib.sha256(b"ab12" * appended).hexdigest()[:16] if appended > 1 else "ab12"
+    return whole.assign_attrs(input_digest=digest)
+
+
+def check(path, field):
+    with open_field(path) as back:
+        xr.testing.assert_identical(back.load(), field)
+        assert list(back.data_vars) == list(field.data_vars)
+
+
 @pytest.mark.parametrize("suffix", [".zarr", ".nc"])
-@pytest.mark.parametrize("batch", [1, 4, 11, 64])
-@pytest.mark.parametrize("size", [1, 3, 11])
+@pytest.mark.parametrize(("batch", "size"), [(1, 11), (4, 1), (4, 3), (64, 1)])
 def test_batches_make_the_whole(tmp_path, whole, suffix, batch, size):
     path = tmp_path / f"run{suffix}"
     with RecordingWriter(path, batch=batch) as writer:
@@ -60,126 +71,130 @@ def test_batches_make_the_whole(tmp_path, whole, suffix, batch, size):
             assert writer.done == (start + min(size, PAIRS - start)) // batch * batch
             assert not path.exists()
     assert os.listdir(tmp_path) == [path.name]
-    with open_field(path) as back:
-        xr.testing.assert_identical(back.load(), whole)
+    check(path, expected(whole, -(-PAIRS // size)))
 
 
 def test_table_equals_the_one_written_at_once(tmp_path, whole):
-    with RecordingWriter(tmp_path / "run.csv", batch=4) as writer:
-        for pair in pairs_of(whole):
-            writer.append(pair)
-    assert read_table(tmp_path / "run.csv") == read_table(write_field(whole, tmp_path / "once.csv"))
+    append_to(tmp_path / "run.csv", pairs_of(whole), batch=4)
+    once = write_field(expected(whole, PAIRS), tmp_path / "once.csv")
+    assert read_table(tmp_path / "run.csv") == read_table(once)
+
+
+def test_digests_and_notes_of_the_pairs_are_joined(tmp_path, whole):
+    pairs = [
+        pair.assign_attrs(input_digest=f"d{number}", notes=f"dark\nframe {number % 2}")
+        for number, pair in enumerate(pairs_of(whole))
+    ]
+    append_to(tmp_path / "run.nc", pairs)
+    with open_field(tmp_path / "run.nc") as back:
+        digests = "".join(f"d{number}" for number in range(PAIRS))
+        assert back.attrs["input_digest"] == hashlib.sha256(digests.encode()).hexdigest()[:16]
+        assert back.attrs["notes"] == "dark\nframe 0\nframe 1"
 
 
 @pytest.mark.parametrize("suffix", [".zarr", ".nc"])
 def test_resume_after_an_exception(tmp_path, whole, suffix):
     path = tmp_path / f"run{suffix}"
-    error = write_part(path, whole, 7)
+    error = write_part(path, whole, 7, identity={"frames": "f1"})
     assert error.__notes__ == [
         f"4 pairs are complete in {path}.partial; continue with resume=True (--resume)"
     ]
     assert os.listdir(tmp_path) == [path.name + ".partial"]
     with pytest.raises(FieldFileError, match=r"no such file; .*partial holds an unfinished recording"):
         open_field(path)
-    with (
-        pytest.raises(FieldFileError, match=r"an unfinished recording; continue it with resume=True"),
-        RecordingWriter(path),
-    ):
-        pass
+    with pytest.raises(FieldFileError, match=r"an unfinished recording; continue it with resume=True"):
+        append_to(path, [])
     write_part(path, whole, 9, resume=True)
-    with RecordingWriter(path, resume=True, attrs=whole.attrs) as writer:
+    with RecordingWriter(path, resume=True, identity={"frames": "f1"}) as writer:
         assert writer.done == 8
         for pair in pairs_of(whole, writer.done):
             writer.append(pair)
     assert os.listdir(tmp_path) == [path.name]
-    with open_field(path) as back:
-        xr.testing.assert_identical(back.load(), whole)
+    check(path, expected(whole, PAIRS))
 
 
 def test_resume_without_a_beginning_starts_anew(tmp_path, whole):
     write_part(tmp_path / "run.zarr", whole, 2)
     assert os.listdir(tmp_path) == []
     (tmp_path / "run.zarr.partial").mkdir()  # killed before the first batch was complete
-    with RecordingWriter(tmp_path / "run.zarr", resume=True) as writer:
-        assert writer.done == 0
-        writer.append(whole)
-    with open_field(tmp_path / "run.zarr") as back:
-        xr.testing.assert_identical(back.load(), whole)
+    append_to(tmp_path / "run.zarr", [whole], resume=True)
+    check(tmp_path / "run.zarr", whole)
 
 
 def test_resume_after_a_batch_was_written_but_not_counted(tmp_path, whole, monkeypatch):
     """A kill between the arrays and the count leaves pairs that are measured again."""
 
-    def stopped(self):
+    def stopped(self, done):
+        with self._log.open("a") as log:
+            log.write('{"end": 5, "said": {}}\n{"end": 6, "sa')
         raise KeyboardInterrupt
 
     path = tmp_path / "run.zarr"
     write_part(path, whole, 5)
     with monkeypatch.context() as patch:
-        patch.setattr(_Writer, "_note_progress", stopped)
+        patch.setattr(Progress, "save", stopped)
         write_part(path, whole, 9, resume=True)
     with RecordingWriter(path, resume=True) as writer:
         assert writer.done == 4
         for pair in pairs_of(whole, 4):
             writer.append(pair)
-    with open_field(path) as back:
-        xr.testing.assert_identical(back.load(), whole)
+    check(path, expected(whole, PAIRS))
 
 
-@pytest.mark.parametrize("name", ["settings", "digest"])
-def test_resume_refuses_other_settings_and_frames(tmp_path, whole, name):
+def test_resume_refuses_other_settings_and_frames(tmp_path, whole):
     path = tmp_path / "run.zarr"
-    write_part(path, whole, 5)
-    other = whole.assign_attrs({name: "other"})
-    message = f"the unfinished recording has {name} = .*, but now it is other; take the former, or discard"
-    with pytest.raises(FieldFileError, match=message), RecordingWriter(path, resume=True, attrs=other.attrs):
-        pass
-    with (
-        pytest.raises(FieldFileError, match=message),
-        RecordingWriter(path, resume=True) as writer,
-    ):
-        writer.append(pairs_of(other, 4)[0])
-    with RecordingWriter(path, overwrite=True) as writer:
-        assert writer.done == 0
-        writer.append(other)
-    with open_field(path) as back:
-        assert back.attrs[name] == "other"
+    write_part(path, whole, 5, identity={"frames": "f1", "mask": "m1"})
+    with pytest.raises(FieldFileError, match="the recording began with frames = f1, but now it is f2; take"):
+        append_to(path, [], resume=True, identity={"frames": "f2", "mask": "m1"})
+    with pytest.raises(FieldFileError, match="began with mask = m1, but now it is None"):
+        append_to(path, [], resume=True, identity={"frames": "f1"})
+    other = whole.assign_attrs(settings="other")
+    with pytest.raises(FieldFileError, match=r'began with settings = {"window": 31}, but now it is other'):
+        append_to(path, pairs_of(other, 4), resume=True)
+    append_to(path, [other], overwrite=True)
+    check(path, other)
 
 
 def test_unreadable_progress(tmp_path, whole):
     path = tmp_path / "run.zarr"
     write_part(path, whole, 5)
     (tmp_path / "run.zarr.partial" / "progress.json").write_text("{")
-    with (
-        pytest.raises(FieldFileError, match=r"cannot be read .*; discard it"),
-        RecordingWriter(path, resume=True),
-    ):
-        pass
+    with pytest.raises(FieldFileError, match=r"cannot be read .*; discard it"):
+        append_to(path, [], resume=True)
 
 
 def test_overwrite_keeps_the_former_output_until_the_end(tmp_path, whole):
     path = write_field(whole, tmp_path / "run.zarr")
-    with pytest.raises(FieldFileError, match="exists already"), RecordingWriter(path):
-        pass
+    with pytest.raises(FieldFileError, match="exists already"):
+        append_to(path, [])
     other = make_field(pairs=PAIRS, seed=1)
     with RecordingWriter(path, overwrite=True, batch=4) as writer:
         for pair in pairs_of(other):
             writer.append(pair)
-        with open_field(path) as back:
-            xr.testing.assert_identical(back.load(), whole)
-    with open_field(path) as back:
-        xr.testing.assert_identical(back.load(), other)
+        check(path, whole)
+    check(path, expected(other, PAIRS))
     assert os.listdir(tmp_path) == [path.name]
+
+
+def test_an_output_that_appears_meanwhile_is_kept(tmp_path, whole):
+    def meanwhile():
+        yield from pairs_of(whole)
+        write_field(whole, path)
+
+    path = tmp_path / "run.zarr"
+    with pytest.raises(FieldFileError, match="exists already") as caught:
+        append_to(path, meanwhile())
+    assert caught.value.__notes__[0].startswith("11 pairs are complete in")
+    check(path, whole)
+    append_to(path, [], resume=True, overwrite=True)
+    check(path, expected(whole, PAIRS))
 
 
 def test_refused_appends(tmp_path, whole):
     with pytest.raises(InputError, match=r"batch=0: must be a whole number of pairs, at least 1"):
         RecordingWriter(tmp_path / "run.zarr", batch=0)
-    with (
-        pytest.raises(FieldFileError, match="nothing was appended, so nothing is written"),
-        RecordingWriter(tmp_path / "run.zarr"),
-    ):
-        pass
+    with pytest.raises(FieldFileError, match="nothing was appended, so nothing is written"):
+        append_to(tmp_path / "run.zarr", [])
     for bad, message in (
         (whole.assign_coords(x=whole.x + 1), "the x of its grid differ from those of the first field"),
         (make_field(rows=3), "the y of its grid differ"),
@@ -196,11 +211,8 @@ def test_full_disk(tmp_path, whole, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("sixflow.write.zarrstore.extend", full_disk)
-    with (
-        pytest.raises(FieldFileError, match=r"cannot be written \(No space left on device\)") as caught,
-        RecordingWriter(tmp_path / "run.zarr", batch=4) as writer,
-    ):
-        writer.append(whole)
+    with pytest.raises(FieldFileError, match=r"cannot be written \(No space left on device\)") as caught:
+        append_to(tmp_path / "run.zarr", [whole], batch=4)
     assert caught.value.__notes__[0].startswith("4 pairs are complete in")
 
 
@@ -238,12 +250,11 @@ def test_killed_again_and_again(tmp_path):
         former = done_pairs(path)
     assert former % 4 == 0
     whole = make_field(pairs=250, rows=20, columns=20)
-    with RecordingWriter(path, resume=True, batch=4) as writer:
+    with RecordingWriter(path, resume=True) as writer:
         assert 0 < writer.done < 250
-        writer.append(whole.isel(time=slice(writer.done, None)))
-    with open_field(path) as back:
-        xr.testing.assert_identical(back.load(), whole)
-    assert np.isnan(whole["u"]).any()
+        for number in range(writer.done, 250):
+            writer.append(whole.isel(time=slice(number, number + 1)))
+    check(path, expected(whole, 250))
 
 
 def test_killed_single_write(tmp_path):

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from sixflow.engine.blend import twist_of
 from sixflow.engine.moments import moments_strip, sandwich_strip, statistics_strip
-from sixflow.engine.solve import covariance_strip, noise_feedback, solve_strip, texture_strip
+from sixflow.engine.solve import covariance_strip, explained_strip, noise_feedback, solve_strip, texture_strip
 from sixflow.engine.spline import DEGREE, gradient_noise, noise_variance
 from sixflow.engine.threads import over_strips
 from sixflow.engine.warp import DERIVATIVE, warp_strip
@@ -33,6 +33,7 @@ from sixflow.validate import MAXIMUM_RESIDUAL, MINIMUM_TEXTURE, MINIMUM_WEIGHT, 
 STRIP = 64
 GRID_STRIP = 16
 CONTRACTION = 0.05
+EXPLAINED = 0.01
 
 
 class Workspace:
@@ -102,6 +103,8 @@ class Passes:
         self.weights = moment_weights(settings.sigma).astype(self.dtype)
         self.by_window = settings.lighting == "gain+offset"
         self.lighting = np.empty((0, 0, 0, 0), self.dtype)
+        self._update = np.zeros((6, *grid.shape))
+        self._last_seen: _Seen | None = None
 
     def solve(self, maps: NDArray[Any], *, total: bool = True) -> NDArray[Any]:
         """Return the maps after one pass, NaN where the equations are singular.
@@ -132,6 +135,8 @@ class Passes:
         if self.by_window:
             self._estimate_lighting()
         solution += shift if total else maps
+        self._update = solution - maps
+        self._last_seen = None
         return solution
 
     def _moments(self) -> NDArray[Any]:
@@ -199,10 +204,22 @@ class Passes:
 
     def trust(self) -> NDArray[np.bool_]:
         """Where the last pass saw a texture above the noise, in windows that look alike; shape (rows, columns)."""
-        noise, weight, residual = self._noise()
-        texture, _ = self._texture(noise, weight)
+        seen = self._seen()
         with np.errstate(invalid="ignore"):
-            return (texture > MINIMUM_TEXTURE) & (residual < MAXIMUM_RESIDUAL) & (weight > MINIMUM_WEIGHT)
+            similar = (seen.residual < MAXIMUM_RESIDUAL) & (seen.weight > MINIMUM_WEIGHT)
+        return similar & (seen.texture > MINIMUM_TEXTURE)
+
+    def contraction(self) -> NDArray[Any]:
+        """What one more pass leaves of the distance to the fixed point, at most; shape (rows, columns)."""
+        rho = self._seen().rho
+        with np.errstate(invalid="ignore", divide="ignore"):
+            noise_share = np.where(rho >= 0, rho / (1 + rho), 1.0)
+        rate = np.clip(noise_share, CONTRACTION, 0.9)
+        return rate / (1 - rate)
+
+    def explained(self) -> float:
+        """Share of the residual's power that the last update took out, median over the points."""
+        return 1 - float(np.nanmedian(self._seen().left))
 
     def quality(self, sharpened: int = 0) -> Quality:
         """Covariance and quality of what the last pass found, after `sharpened` sharpening passes."""
@@ -219,47 +236,71 @@ class Passes:
             grid.rows,
             GRID_STRIP,
         )
-        noise, weight, residual = self._noise()
-        texture, rho = self._texture(noise, weight)
-        noise_gradient = self._noise_gradient(noise, weight)
+        seen = self._seen()
+        sandwich *= np.nan_to_num(seen.left, nan=1.0)[..., None].astype(dtype)
         covariance = np.empty((*grid.shape, 6, 6), dtype)
         moments, feedback, transform = self._moments(), noise_feedback(), _six_from_unknowns(sigma, sharpened)
         over_strips(
             lambda start, stop: covariance_strip(
-                moments, sandwich, noise_gradient, rho, feedback, transform, start, stop, covariance
+                moments, sandwich, seen.noise_gradient, seen.rho, feedback, transform, start, stop, covariance
             ),
             grid.rows,
             GRID_STRIP,
         )
-        return Quality(covariance, texture, weight, residual, noise)
+        return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise)
 
-    def _noise(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Noise of one frame, weight with a partner, and zero-normalised residual of every window."""
+    def _seen(self) -> _Seen:
+        """Noise, texture and similarity of every window in the last pass; computed once per pass."""
+        if self._last_seen is None:
+            self._last_seen = self._look()
+        return self._last_seen
+
+    def _look(self) -> _Seen:
         weight, absolute, square, mean, power = self._statistics(self.reference.image, "statistics")
+        moments, shape = self._moments(), self.grid.shape
+        explained, texture, rho = np.empty(shape), np.empty(shape), np.empty(shape)
+        over_strips(
+            lambda start, stop: explained_strip(moments, self._update, self.settings.sigma, start, stop, explained),
+            self.grid.rows,
+            GRID_STRIP,
+        )
         with np.errstate(invalid="ignore", divide="ignore"):
-            noise = absolute / weight * np.sqrt(np.pi) / 2  # E|r| = √(2/π)·√2·noise
+            left = np.clip(1 - explained / square, 0.01, 1)
+            noise = np.sqrt(left) * absolute / weight * np.sqrt(np.pi) / 2  # E|r| = √(2/π)·√2·noise
             contrast = np.sqrt(np.maximum(power / weight - (mean / weight) ** 2, 0))
-            return noise, weight, np.sqrt(square / weight) / contrast
-
-    def _noise_gradient(self, noise: NDArray[Any], weight: NDArray[Any]) -> NDArray[Any]:
-        return gradient_noise(self.degree, DERIVATIVE) * noise**2 * weight
-
-    def _texture(self, noise: NDArray[Any], weight: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-        moments, noise_gradient = self._moments(), self._noise_gradient(noise, weight)
-        texture, rho = np.empty(self.grid.shape), np.empty(self.grid.shape)
+            residual = np.sqrt(left * square / weight) / contrast
+        noise_gradient = gradient_noise(self.degree, DERIVATIVE) * noise**2 * weight
         over_strips(
             lambda start, stop: texture_strip(moments, noise_gradient, start, stop, texture, rho),
             self.grid.rows,
             GRID_STRIP,
         )
-        return texture, rho
+        return _Seen(weight, noise, residual, left, noise_gradient, texture, rho)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Seen:
+    """What a pass saw in every window; arrays of shape (rows, columns).
+
+    weight with a partner; noise of one frame; zero-normalised residual; the share of Σ w r² that the pass's own update left; what noise adds to Σ w g_x²;
+    texture and rho of `solve.texture_strip`.
+    """
+
+    weight: NDArray[Any]
+    noise: NDArray[Any]
+    residual: NDArray[Any]
+    left: NDArray[Any]
+    noise_gradient: NDArray[Any]
+    texture: NDArray[Any]
+    rho: NDArray[Any]
 
 
 def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, NDArray[Any]]:
     """Passes in total form until the points stay, then sharpening passes.
 
-    A pass brings a point close to its fixed point at once: what is left is the update times the rate at which passes contract, which is the ratio of two
-    updates, and at most `CONTRACTION` where only one is known (measured: 0.01 to 0.03).
+    A pass brings a point close to its fixed point at once. What is left is the update times the rate at which passes contract: the noise's share of
+    the normal matrix, ρ/(1 + ρ), or `CONTRACTION` where that is smaller (measured: 0.01 to 0.03). The passes end when this is below the tolerance
+    and the last update no longer changed the residual, from which the covariance is taken.
 
     Returns
     -------
@@ -270,26 +311,17 @@ def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, 
         How far each point may still be from its fixed point, px.
     """
     settings, step = passes.settings, passes.grid.step
-    maps, update, left = start, None, np.full(passes.grid.shape, np.inf)
+    maps, left = start, np.full(passes.grid.shape, np.inf)
     for k in range(settings.passes):
         filled = settle(maps, step, settings.window) if k else maps
         maps = passes.solve(filled)
-        previous, update = update, np.hypot(maps[0] - filled[0], maps[1] - filled[1])
-        left = _left(update, previous)
-        if _typical(left) < settings.tolerance:
+        update = np.hypot(maps[0] - filled[0], maps[1] - filled[1])
+        left = update * passes.contraction()
+        if _typical(left) < settings.tolerance and passes.explained() < EXPLAINED:
             break
     for _ in range(settings.sharpen):
         maps = passes.solve(settle(maps, step, settings.window), total=False)
     return maps, passes.quality(settings.sharpen), left
-
-
-def _left(update: NDArray[Any], previous: NDArray[Any] | None) -> NDArray[Any]:
-    """Distance to the fixed point after a pass that moved a point by `update`, the one before by `previous`."""
-    if previous is None:
-        return CONTRACTION * update
-    with np.errstate(invalid="ignore", divide="ignore"):
-        rate = np.clip(update / previous, 0, 0.9)
-    return update * np.fmax(rate / (1 - rate), CONTRACTION)
 
 
 def _typical(left: NDArray[Any]) -> float:

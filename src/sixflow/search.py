@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.blend import evaluate
+from sixflow.engine.hermite import HermiteSurface
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
 from sixflow.refine import Passes, Workspace
@@ -69,7 +69,10 @@ def search(reference: Frame, moved: Frame, grid: Grid, settings: Settings, works
 
 def finer(maps: NDArray[Any], grid: Grid, target: Grid, factor: float) -> NDArray[np.float64]:
     """Take maps from a coarse level's grid to a grid on a level `factor` times as fine."""
-    x, y = np.meshgrid(target.x / factor, target.y / factor)
-    out = evaluate(maps, grid.x0, grid.y0, grid.step, x, y)
-    out[:2] *= factor
+    surface = HermiteSurface(grid.x, grid.y, values=maps[:2], slopes_x=maps[[2, 4]], slopes_y=maps[[3, 5]])
+    x, y = target.x / factor, target.y / factor
+    out = np.empty((6, *target.shape))
+    out[:2] = factor * surface.on_grid(x, y)
+    out[[2, 4]] = surface.on_grid(x, y, along_x=True)
+    out[[3, 5]] = surface.on_grid(x, y, along_y=True)
     return out

@@ -68,11 +68,11 @@ class Settings:
     window: float = 31
     step: int = 8
     sharpen: int = 0
-    interpolation: Interpolation = "cubic"
+    interpolation: Interpolation = "quintic"
     lighting: Lighting = "none"
     levels: int | None = None
     passes: int = 8
-    tolerance: float = 0.002
+    tolerance: float = 0.005
     float64: bool = False
     pixel_size: float | None = None
     length_unit: str = "mm"
@@ -107,7 +107,7 @@ class Settings:
             _is_number(self.tolerance) and self.tolerance > 0,
             "tolerance",
             self.tolerance,
-            "must be a positive number of pixels, such as 0.002",
+            "must be a positive number of pixels, such as 0.005",
         )
         _require(isinstance(self.float64, bool), "float64", self.float64, "must be True or False")
         for name in ("pixel_size", "frame_interval"):

@@ -132,6 +132,39 @@ def solve_strip(moments: NDArray[Any], sigma: float, start: int, stop: int, out:
                 out[4, j, i], out[5, j, i] = theta[4, lane] / sigma, theta[5, lane] / sigma
 
 
+@kernel
+def explained_strip(
+    moments: NDArray[Any], update: NDArray[Any], sigma: float, start: int, stop: int, out: NDArray[Any]
+) -> None:
+    """ΔᵀHΔ: by how much a pass lowered Σ w r² when it moved the points by `update`, grid rows start … stop.
+
+    The residual that a pass saw is that of its start; this is what its own update then took out of it.
+
+    Parameters
+    ----------
+    moments : array, shape (rows, columns, ≥ 18)
+    update : array, shape (6, rows, columns)
+        Change of u, v, u_x, u_y, v_x, v_y.
+    sigma : float
+    out : array, shape (rows, columns)
+    """
+    for j in range(start, stop):
+        for i in range(moments.shape[1]):
+            m = moments[j, i]
+            a0, a1, a2 = update[0, j, i], update[2, j, i] * sigma, update[3, j, i] * sigma
+            b0, b1, b2 = update[1, j, i], update[4, j, i] * sigma, update[5, j, i] * sigma
+            # products of the two displacement corrections, as coefficients of 1, X, Y, X², XY, Y²
+            total = 0.0
+            for block in range(3):
+                p0, p1, p2 = (b0, b1, b2) if block == 2 else (a0, a1, a2)
+                q0, q1, q2 = (a0, a1, a2) if block == 0 else (b0, b1, b2)
+                n = 6 * block
+                form = p0 * q0 * m[n] + (p0 * q1 + p1 * q0) * m[n + 1] + (p0 * q2 + p2 * q0) * m[n + 2]
+                form += p1 * q1 * m[n + 3] + (p1 * q2 + p2 * q1) * m[n + 4] + p2 * q2 * m[n + 5]
+                total += 2 * form if block == 1 else form
+            out[j, i] = total
+
+
 @cache
 def noise_feedback() -> NDArray[np.float64]:
     """Factors of the standard errors of displacement and gradients at ρ = 0, 0.01, … 4; shape (2, 401)."""

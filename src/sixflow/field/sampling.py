@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from sixflow.convention import gradient, recentre, six_from_gradient
 from sixflow.errors import InputError
 from sixflow.field.dataset import SIX
-from sixflow.field.hermite import HermiteSurface, Stencil, make_stencil
+from sixflow.engine.hermite import HermiteSurface, Stencil, make_stencil
 from sixflow.field.selection import frame_shape, one_pair, require_variable
 
 Array = NDArray[Any]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 import contextlib
+import hashlib
 import itertools
 import os
 from collections.abc import Generator, Iterable, Iterator
@@ -35,6 +36,8 @@ class FrameSource(abc.ABC):
         Type of the grey values.
     notes : tuple of str
         What was done to the frames and what a user should know about them.
+    fingerprint : str
+        Digest of the first frame, its shape and type: tells recordings apart without reading them.
 
     Examples
     --------
@@ -53,6 +56,8 @@ class FrameSource(abc.ABC):
         grey, grey_notes = to_grey(frame, self._first_name)
         self.shape: tuple[int, int] = (grey.shape[0], grey.shape[1])
         self.dtype: np.dtype[Any] = grey.dtype
+        content = f"{grey.dtype.str} {grey.shape}".encode() + np.ascontiguousarray(grey).tobytes()
+        self.fingerprint: str = hashlib.sha256(content).hexdigest()[:16]
         self.notes: tuple[str, ...] = tuple(dict.fromkeys((*self._own_notes(), *grey_notes)))
 
     @property

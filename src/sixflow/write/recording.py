@@ -1,15 +1,13 @@
 """Recordings: fields of a long measurement, written batch by batch and continued after an interruption.
 
 The batches gather in a Zarr store inside the folder ``<name>.partial`` beside the output. Each batch fills
-whole chunks, which are never touched again; a small file beside the store tells how many pairs are complete
-and is replaced in one step after each batch. So whatever happens, the pairs counted there are intact. In
-the end a ``.zarr`` output is this store, renamed; a ``.nc`` or ``.csv`` output is copied from it, batch by
-batch.
+whole chunks, which are never touched again, and `Progress` counts the pairs that are complete: whatever
+happens, these are intact. In the end a ``.zarr`` output is this store, renamed; a ``.nc`` or ``.csv``
+output is copied from it, batch by batch.
 """
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -20,9 +18,12 @@ import numpy as np
 import xarray as xr
 
 from sixflow.errors import FieldFileError, InputError
+from sixflow.write import zarrstore
 from sixflow.write.fieldfile import save
 from sixflow.write.layout import batches, checked_field, in_order
-from sixflow.write.target import check_output, publish, remove
+from sixflow.write.progress import Progress
+from sixflow.write.provenance import joined_attrs, said_of_pairs
+from sixflow.write.target import check_output, disk_errors, publish, remove
 
 
 class RecordingWriter:
@@ -40,10 +41,9 @@ class RecordingWriter:
         Whether an existing output, and an unfinished recording without `resume`, are replaced.
     resume : bool
         Whether to continue an unfinished recording, if there is one.
-    attrs : mapping, optional
-        Attributes that the fields are going to have. With `resume`, ``settings`` and every name with
-        ``digest`` in it are compared with the unfinished recording before anything is measured. They are
-        compared again with the first field.
+    identity : mapping of str to str, optional
+        What tells this measurement from others, such as its settings and `FrameSource.fingerprint`. It is
+        kept with an unfinished recording and compared, before anything is measured, when that is resumed.
     batch : int
         Pairs per chunk and per write, at least 1. A resumed recording keeps the number that it began with.
 
@@ -76,7 +76,7 @@ class RecordingWriter:
         *,
         overwrite: bool = False,
         resume: bool = False,
-        attrs: Mapping[str, Any] | None = None,
+        identity: Mapping[str, str] | None = None,
         batch: int = 16,
     ) -> None:
         if isinstance(batch, bool) or not isinstance(batch, int) or batch < 1:
@@ -84,24 +84,22 @@ class RecordingWriter:
         self.path = Path(path).expanduser()
         self.partial = self.path.with_name(self.path.name + ".partial")
         self._store = self.partial / "field.zarr"
-        self._progress = self.partial / "progress.json"
-        self._overwrite, self._resume, self._batch = overwrite, resume, batch
-        self._attrs = dict(attrs) if attrs is not None else None
+        self._progress = Progress(self.partial, batch, identity or {})
+        self._overwrite, self._resume = overwrite, resume
         self._pending: xr.Dataset | None = None
         self._template: xr.Dataset | None = None
-        self._done = 0
 
     @property
     def done(self) -> int:
         """Number of pairs that are already safe: start measuring with this one."""
-        return self._done
+        return self._progress.done
 
     def __enter__(self) -> Self:
         check_output(self.path, self._overwrite)
         if self.partial.exists():
-            if self._resume:
+            if self._resume and self._progress.exists:
                 self._continue()
-            elif self._overwrite:
+            elif self._resume or self._overwrite:  # resumed, but stopped before its first batch was complete
                 remove(self.partial)
             else:
                 raise FieldFileError(
@@ -111,23 +109,18 @@ class RecordingWriter:
         return self
 
     def _continue(self) -> None:
-        from sixflow.write import zarrstore
-
-        if not self._progress.exists():  # stopped before the first batch was complete
-            remove(self.partial)
-            return
+        identity = self._progress.identity
         try:
-            progress = json.loads(self._progress.read_text())
-            self._done, self._batch = progress["done"], progress["batch"]
-            zarrstore.cut(self._store, self._done)
+            self._progress.load()
+            zarrstore.cut(self._store, self.done)
             self._template = zarrstore.read(self._store)
         except (OSError, ValueError, KeyError) as error:
             raise FieldFileError(
                 f"{self.partial}: the unfinished recording cannot be read ({error}); "
                 "discard it with overwrite=True (--overwrite)"
             ) from error
-        if self._attrs is not None:
-            self._compare(self._attrs)
+        if identity:
+            self._compare(identity, self._progress.identity)
 
     def append(self, field: xr.Dataset) -> None:
         """Add the field of the next pair or pairs, dims (time, y, x, ...), on the same grid as the first.
@@ -137,78 +130,70 @@ class RecordingWriter:
         InputError
             If the grid or the variables differ.
         FieldFileError
-            If the disk refuses, or a resumed recording has other settings.
+            If the disk refuses, or the settings are not those that the recording began with.
         """
         field = checked_field(field)
         if "time" not in field.dims:
             raise InputError(
                 "field: the dimension 'time' is missing; append fields of pairs, not single maps"
             )
-        if self._template is not None:
-            _check_alike(field, self._template)
-            if self._resume and self._pending is None:
-                self._compare(field.attrs)
-        else:
+        if self._template is None:
             self._template = field.isel(time=slice(0))
-        parts = [field] if self._pending is None else [self._pending, field]
-        self._pending = _joined(parts) if len(parts) > 1 else field
-        while self._pending.sizes["time"] >= self._batch:
-            self._flush(self._pending.isel(time=slice(self._batch)))
-            self._pending = self._pending.isel(time=slice(self._batch, None))
+        _check_alike(field, self._template)
+        self._compare(_settings(field), _settings(self._template))
+        self._progress.add(field.sizes["time"], said_of_pairs(field.attrs))
+        self._pending = field if self._pending is None else _joined([self._pending, field])
+        batch = self._progress.batch
+        while self._pending.sizes["time"] >= batch:
+            self._flush(self._pending.isel(time=slice(batch)))
+            self._pending = self._pending.isel(time=slice(batch, None))
 
-    def _compare(self, attrs: Mapping[str, Any]) -> None:
-        assert self._template is not None
-        ours = {name: attrs.get(name) for name in _identifying(attrs)}
-        theirs = {name: self._template.attrs.get(name) for name in _identifying(self._template.attrs)}
+    def _compare(self, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> None:
         for name in sorted(ours.keys() | theirs.keys()):
             if ours.get(name) != theirs.get(name):
                 raise FieldFileError(
-                    f"{self.partial}: the unfinished recording has {name} = {theirs.get(name)}, "
+                    f"{self.partial}: the recording began with {name} = {theirs.get(name)}, "
                     f"but now it is {ours.get(name)}; take the former, "
                     "or discard the recording with overwrite=True (--overwrite)"
                 )
 
     def _flush(self, field: xr.Dataset) -> None:
-        from sixflow.write import zarrstore
-
-        try:
-            if self._done:
-                zarrstore.extend(self._store, field, self._done)
+        with disk_errors(self.partial):
+            if self.done:
+                zarrstore.extend(self._store, field, self.done)
             else:
                 self.partial.mkdir(exist_ok=True)
-                zarrstore.create(self._store, field, self._batch)
-            self._done += field.sizes["time"]
-            self._note_progress()
-        except OSError as error:
-            raise FieldFileError(
-                f"{self.partial}: cannot be written ({error.strerror or error}); check the room on the disk"
-            ) from error
-
-    def _note_progress(self) -> None:
-        beside = self._progress.with_suffix(".new")
-        beside.write_text(json.dumps({"done": self._done, "batch": self._batch}))
-        os.replace(beside, self._progress)
+                zarrstore.create(self._store, field, self._progress.batch)
+            self._progress.save(self.done + field.sizes["time"])
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if error is not None:
-            if self._done:
-                error.add_note(
-                    f"{self._done} pairs are complete in {self.partial}; continue with resume=True (--resume)"
-                )
-            else:
-                remove(self.partial)
+            self._keep(error)
             return
-        if self._pending is not None and self._pending.sizes["time"]:
-            self._flush(self._pending)
-        if not self._done:
-            raise FieldFileError(f"{self.path}: nothing was appended, so nothing is written")
-        self._finish()
+        try:
+            with disk_errors(self.path):
+                self._finish()
+        except FieldFileError as problem:
+            self._keep(problem)
+            raise
+
+    def _keep(self, error: BaseException) -> None:
+        """Leave what is complete for resuming, and say so in the error."""
+        if self.done:
+            error.add_note(
+                f"{self.done} pairs are complete in {self.partial}; continue with resume=True (--resume)"
+            )
+        elif self._pending is not None:
+            remove(self.partial)
 
     def _finish(self) -> None:
-        from sixflow.write import zarrstore
-
+        if self._pending is not None and self._pending.sizes["time"]:
+            self._flush(self._pending)
+        if not self.done:
+            raise FieldFileError(f"{self.path}: nothing was appended, so nothing is written")
+        zarrstore.describe(self._store, joined_attrs(self._progress.said))
         if self.path.suffix.lower() == ".zarr":
             zarrstore.seal(self._store)
             publish(self._store, self.path, self._overwrite)
@@ -217,14 +202,12 @@ class RecordingWriter:
         remove(self.partial)
 
     def _stored(self) -> Iterator[xr.Dataset]:
-        from sixflow.write import zarrstore
-
         with zarrstore.read(self._store) as field:
-            yield from batches(in_order(field).drop_encoding(), self._batch)
+            yield from batches(in_order(field).drop_encoding(), self._progress.batch)
 
 
-def _identifying(attrs: Mapping[str, Any]) -> set[str]:
-    return {name for name in attrs if name == "settings" or "digest" in name}
+def _settings(field: xr.Dataset) -> dict[str, Any]:
+    return {"settings": field.attrs.get("settings")}
 
 
 def _check_alike(field: xr.Dataset, template: xr.Dataset) -> None:

@@ -100,16 +100,24 @@ def staged(path: Path, overwrite: bool) -> Iterator[Path]:
     partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
     remove(partial)
     try:
-        yield partial
-        publish(partial, path, overwrite)
+        with disk_errors(path):
+            yield partial
+            publish(partial, path, overwrite)
+    finally:
+        remove(partial)
+
+
+@contextlib.contextmanager
+def disk_errors(path: Path) -> Iterator[None]:
+    """Turn the errors of the operating system into `FieldFileError`."""
+    try:
+        yield
     except FieldFileError:
         raise
     except OSError as error:
         raise FieldFileError(
             f"{path}: cannot be written ({error.strerror or error}); check the room on the disk"
         ) from error
-    finally:
-        remove(partial)
 
 
 def publish(partial: Path, path: Path, overwrite: bool) -> None:

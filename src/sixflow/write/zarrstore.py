@@ -69,6 +69,11 @@ def cut(path: Path, count: int) -> None:
             array.resize((count, *array.shape[1:]))
 
 
+def describe(path: Path, attrs: dict[str, str]) -> None:
+    """Change or add attributes of the whole field."""
+    zarr.open_group(path, mode="r+").attrs.update(attrs)
+
+
 def seal(path: Path) -> None:
     """Gather the metadata of all arrays in one file."""
     with _quiet():
