@@ -29,7 +29,9 @@ class Grid:
     def over(cls, shape: tuple[int, int], step: int) -> Grid:
         """Return the grid that covers a frame (height, width) to within half a step of every border."""
         rows, columns = ((size - 1) // step + 1 for size in shape)
-        y0, x0 = ((size - 1 - (count - 1) * step) // 2 for size, count in zip(shape, (rows, columns), strict=True))
+        y0, x0 = (
+            (size - 1 - (count - 1) * step) // 2 for size, count in zip(shape, (rows, columns), strict=True)
+        )
         return cls(x0, y0, step, columns, rows)
 
     @property
@@ -53,7 +55,9 @@ class Grid:
         return self.x0, self.y0, self.step
 
     def plane(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Affine maps at the grid points of one map (u, v, u_x, u_y, v_x, v_y) about pixel (0, 0); shape (6, rows, columns)."""
+        """Affine maps at the grid points of one map (u, v, u_x, u_y, v_x, v_y) about pixel (0, 0);
+        shape (6, rows, columns).
+        """
         x, y = np.meshgrid(self.x, self.y)
         maps = np.broadcast_to(np.asarray(values, dtype=np.float64)[:, None, None], (6, *self.shape)).copy()
         maps[0] += values[2] * x + values[3] * y

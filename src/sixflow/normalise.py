@@ -1,8 +1,9 @@
 """Normalise: frames of any kind become finite floating-point images with a validity mask and a pyramid.
 
-Pixels without a value (NaN, ±Inf) are masked: they get zero weight, not a guessed value. A constant, the mean of the reference frame, is
-subtracted from both frames, so that single precision is spent on contrast. With `lighting="local"` the local mean and
-standard deviation of each frame, under the window's Gaussian, are divided out.
+Pixels without a value (NaN, ±Inf) are masked: they get zero weight, not a guessed value. A constant,
+the mean of the reference frame, is subtracted from both frames, so that single precision is spent on
+contrast. With `lighting="local"` the local mean and standard deviation of each frame, under the
+window's Gaussian, are divided out.
 """
 
 from __future__ import annotations
@@ -32,9 +33,13 @@ def check_frame(frame: ArrayLike, name: str) -> NDArray[Any]:
     """
     array = np.asarray(frame)
     if array.dtype.kind not in "biuf":
-        raise InputError(f"{name} has dtype {array.dtype}: frames are real grey values; take the real part, or luminance of colours")
+        raise InputError(
+            f"{name} has dtype {array.dtype}: frames are real grey values; take the real part, or luminance of colours"
+        )
     if array.ndim != 2:
-        raise InputError(f"{name} has shape {array.shape}: a frame is (height, width); reduce colours to luminance first")
+        raise InputError(
+            f"{name} has shape {array.shape}: a frame is (height, width); reduce colours to luminance first"
+        )
     if array.size == 0:
         raise InputError(f"{name} has shape {array.shape}: it holds no pixels")
     return array
@@ -42,7 +47,8 @@ def check_frame(frame: ArrayLike, name: str) -> NDArray[Any]:
 
 @dataclasses.dataclass
 class Frame:
-    """A normalised frame: image and validity at full resolution, and what is derived from them, made once when asked for.
+    """A normalised frame: image and validity at full resolution, and what is derived from them, made
+    once when asked for.
 
     Attributes
     ----------
@@ -109,7 +115,9 @@ def _halve(frame: Frame) -> Frame:
     return Frame(np.where(valid, image, 0).astype(frame.image.dtype), valid)
 
 
-def to_image(frame: NDArray[Any], constant: float, dtype: type) -> tuple[NDArray[Any], NDArray[np.uint8], int]:
+def to_image(
+    frame: NDArray[Any], constant: float, dtype: type
+) -> tuple[NDArray[Any], NDArray[np.uint8], int]:
     """Return (image less the constant, validity, number of pixels without a value)."""
     image = np.subtract(frame, constant, dtype=dtype)
     if frame.dtype.kind != "f" or np.isfinite(np.dot(image.ravel(), image.ravel())):
@@ -141,4 +149,6 @@ def flatten_lighting(image: NDArray[Any], valid: NDArray[np.uint8], sigma: float
     centred = image - filter_separable(image * counted, half) / weight
     spread = np.sqrt(np.maximum(filter_separable(centred * centred * counted, half) / weight, 0))
     floor = 1e-3 * float(spread.max(initial=0.0))
-    return np.where(counted * (spread > floor), centred / np.maximum(spread, floor or 1), 0).astype(image.dtype)
+    return np.where(counted * (spread > floor), centred / np.maximum(spread, floor or 1), 0).astype(
+        image.dtype
+    )

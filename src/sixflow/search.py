@@ -1,7 +1,9 @@
 """Search: coarse to fine, from no motion to a start that refinement can finish.
 
-The frames are halved until the window covers most of what is left. At each level a few total-form passes are made with the same window in that
-level's pixels, points that contradict their neighbours are replaced by what these predict, and the maps go on to the next level: displacements
+The shift that the frames have in common is read off the correlation of the whole frames, where that has
+a clear peak. From there, the frames are halved until the window covers what is left. At each level a
+few total-form passes are made with the same window in that level's pixels, points that contradict their
+neighbours are replaced by what these predict, and the maps go on to the next level: displacements
 doubled, gradients as they are.
 """
 
@@ -23,6 +25,8 @@ from sixflow.validate import settle
 
 FIRST_PASSES = 4
 LEVEL_PASSES = 2
+CORRELATION_SIDE = 256
+CLEAR_PEAK = 8.0
 
 
 def level_count(shape: tuple[int, int], settings: Settings) -> int:
@@ -32,7 +36,9 @@ def level_count(shape: tuple[int, int], settings: Settings) -> int:
     return max(0, math.floor(math.log2(min(shape) / settings.window)))
 
 
-def search(reference: Frame, moved: Frame, grid: Grid, settings: Settings, workspace: Workspace) -> NDArray[np.float64]:
+def search(
+    reference: Frame, moved: Frame, grid: Grid, settings: Settings, workspace: Workspace
+) -> NDArray[np.float64]:
     """Find the motion roughly.
 
     Parameters
@@ -49,12 +55,13 @@ def search(reference: Frame, moved: Frame, grid: Grid, settings: Settings, works
     """
     coarse = dataclasses.replace(settings, interpolation="cubic")
     top = level_count(reference.image.shape, settings)
+    shift = common_shift(reference, moved)
     maps: NDArray[Any] | None = None
     found = grid
     for level in range(top, 0, -1):
         small, small_moved = reference.level(level), moved.level(level)
         here = Grid.over(small.image.shape, max(2, round(settings.window / 4)))
-        maps = np.zeros((6, *here.shape)) if maps is None else finer(maps, found, here, 2.0)
+        maps = _shifted(here, shift / 2**level) if maps is None else finer(maps, found, here, 2.0)
         passes = Passes(small, small_moved, here, coarse, workspace)
         start = maps
         for _ in range(FIRST_PASSES if level == top else LEVEL_PASSES):
@@ -63,8 +70,51 @@ def search(reference: Frame, moved: Frame, grid: Grid, settings: Settings, works
         maps = np.where(passes.trust(), maps, start)
         found = here
     if maps is None:
-        return np.zeros((6, *grid.shape))
+        return _shifted(grid, shift)
     return finer(maps, found, grid, 2.0)
+
+
+def _shifted(grid: Grid, shift: NDArray[Any]) -> NDArray[np.float64]:
+    return grid.plane(np.array([*shift, 0, 0, 0, 0]))
+
+
+def common_shift(reference: Frame, moved: Frame) -> NDArray[np.float64]:
+    """Shift (u, v) between the frames, px, to the pixels of a halved frame; (0, 0) if the correlation
+    has no clear peak.
+
+    Cross-correlation under a Hann window with the spectrum's magnitude under a square root, half way to
+    phase correlation: a peak as narrow as the texture allows, without raising empty frequencies to full
+    height. A peak is clear if it rises `CLEAR_PEAK` standard deviations above the correlation surface.
+    """
+    level = max(0, math.ceil(0.75 * math.log2(min(reference.image.shape) / CORRELATION_SIDE)))
+    small, small_moved = reference.level(level), moved.level(level)
+    window = np.outer(*(np.hanning(size + 2)[1:-1] for size in small.image.shape)).astype(small.image.dtype)
+    spectra = [np.fft.rfft2(_centred(frame) * window) for frame in (small, small_moved)]
+    product = np.conj(spectra[0]) * spectra[1]
+    magnitude = np.abs(product)
+    if not magnitude.any():
+        return np.zeros(2)
+    product /= np.sqrt(magnitude + 1e-12 * magnitude.max())
+    surface = np.fft.irfft2(product, small.image.shape)
+    peak = np.unravel_index(int(surface.argmax()), surface.shape)
+    if surface[peak] < CLEAR_PEAK * surface.std():
+        return np.zeros(2)
+    v, u = (
+        int(at) - size if at > size // 2 else int(at) for at, size in zip(peak, surface.shape, strict=True)
+    )
+    return 2.0**level * np.array([u, v])
+
+
+def _centred(frame: Frame) -> NDArray[Any]:
+    """Image less its mean, 0 where masked."""
+    if not frame.valid.size:
+        return frame.image - frame.image.mean()
+    valid = frame.valid.astype(bool)
+    return (
+        np.where(valid, frame.image - frame.image[valid].mean(), 0)
+        if valid.any()
+        else np.zeros_like(frame.image)
+    )
 
 
 def finer(maps: NDArray[Any], grid: Grid, target: Grid, factor: float) -> NDArray[np.float64]:

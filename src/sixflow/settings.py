@@ -1,4 +1,6 @@
-"""Settings of a measurement: one frozen dataclass = keyword arguments = command line = TOML file = attributes of the result."""
+"""Settings of a measurement: one frozen dataclass = keyword arguments = command line = TOML file =
+attributes of the result.
+"""
 
 from __future__ import annotations
 
@@ -35,12 +37,13 @@ class Settings:
         What may change in the light between the frames: nothing; gain and offset of each window (the
         zero-normalised criterion); or the local mean and contrast, divided out of each frame beforehand.
     levels : int or None
-        Number of halvings of the frame that the search for large motion starts from, 0 to 12. None chooses it from frame and
-        window.
+        Number of halvings of the frame that the search for large motion starts from, 0 to 12. None
+        chooses it from frame and window.
     passes : int
         Upper limit of passes at full resolution, at least 1.
     tolerance : float
-        A point has converged when it is closer than this to where more passes would bring it, px, greater than 0.
+        A point has converged when it is closer than this to where more passes would bring it, px,
+        greater than 0.
     float64 : bool
         Compute in double precision: twice the memory, for noise-free studies.
     pixel_size : float or None
@@ -160,7 +163,9 @@ class Settings:
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Settings:
-        """Settings from a mapping such as a parsed JSON or TOML table; names not given keep their defaults."""
+        """Settings from a mapping such as a parsed JSON or TOML table; names not given keep their
+        defaults.
+        """
         return cls().replace(**values)
 
     @classmethod

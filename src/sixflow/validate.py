@@ -1,7 +1,9 @@
-"""Validate: the normalised median test between neighbours' affine maps, and what stands in for a failed point.
+"""Validate: the normalised median test between neighbours' affine maps, and what stands in for a failed
+point.
 
-Westerweel and Scarano (2005), extended to affine maps: neighbour n predicts d_n + G_n(p − n) at the point p, so that a
-deforming field is no outlier. With the median m of the predictions and the median ρ of their distances from it, a point fails if
+Westerweel and Scarano (2005), extended to affine maps: neighbour n predicts d_n + G_n(p − n) at the
+point p, so that a deforming field is no outlier. With the median m of the predictions and the median ρ
+of their distances from it, a point fails if
 
     |d − m| > limit · (ρ + floor)
 
@@ -51,7 +53,13 @@ def _median(values: NDArray[Any], count: int) -> float:
 
 @kernel
 def _test_strip(
-    maps: NDArray[Any], step: int, reach: int, floor: NDArray[Any], start: int, stop: int, outlier: NDArray[Any]
+    maps: NDArray[Any],
+    step: int,
+    reach: int,
+    floor: NDArray[Any],
+    start: int,
+    stop: int,
+    outlier: NDArray[Any],
 ) -> None:
     rows, columns = maps.shape[1:]
     predicted = np.empty(8)
@@ -59,7 +67,7 @@ def _test_strip(
     for j in range(start, stop):
         for i in range(columns):
             outlier[j, i] = False
-            if not (maps[0, j, i] == maps[0, j, i]):
+            if maps[0, j, i] != maps[0, j, i]:
                 continue
             for component in range(2):
                 count, furthest = 0, 0.0
@@ -88,7 +96,9 @@ def _test_strip(
                     outlier[j, i] = True
 
 
-def median_outliers(maps: NDArray[Any], step: int, window: float, floor: NDArray[Any] | float = FLOOR) -> NDArray[np.bool_]:
+def median_outliers(
+    maps: NDArray[Any], step: int, window: float, floor: NDArray[Any] | float = FLOOR
+) -> NDArray[np.bool_]:
     """Find points that contradict their neighbours.
 
     Parameters
@@ -106,16 +116,17 @@ def median_outliers(maps: NDArray[Any], step: int, window: float, floor: NDArray
     -------
     bool array, shape (rows, columns)
     """
-    outlier = np.zeros(maps.shape[1:], dtype=np.bool_)
-    reach = max(1, round(window / 2 / step))
-    reach = min(reach, max(1, (min(maps.shape[1:]) - 1) // 2))
+    rows, columns = maps.shape[1:]
+    outlier = np.zeros((rows, columns), dtype=np.bool_)
+    reach = min(max(1, round(window / 2 / step)), max(1, (min(rows, columns) - 1) // 2))
     levels = np.broadcast_to(np.asarray(floor, dtype=np.float64), outlier.shape).copy()
-    over_strips(lambda a, b: _test_strip(maps, step, reach, levels, a, b, outlier), outlier.shape[0], 16)
+    over_strips(lambda a, b: _test_strip(maps, step, reach, levels, a, b, outlier), rows, 16)
     return outlier
 
 
 def fill_failed(maps: NDArray[Any], step: int) -> NDArray[Any]:
-    """Give every failed (NaN) point the mean of its neighbours' affine maps, from the edge of each gap inwards.
+    """Give every failed (NaN) point the mean of its neighbours' affine maps, from the edge of each gap
+    inwards.
 
     For the blend alone, which needs a map everywhere: a failed point is NaN in the result all the same.
 
@@ -200,15 +211,31 @@ def flag_points(
         measurable = (quality.texture > MINIMUM_TEXTURE) & (error < MAXIMUM_ERROR)
         flag[quality.weight < COMPLETE_WEIGHT] |= FLAGS["border"]
         flag[unknown | ~measurable] |= FLAGS["low_texture"]
-        gone = (outside & ~unknown) | (quality.weight < MINIMUM_WEIGHT) | (quality.residual > MAXIMUM_RESIDUAL)
+        gone = (
+            (outside & ~unknown) | (quality.weight < MINIMUM_WEIGHT) | (quality.residual > MAXIMUM_RESIDUAL)
+        )
         flag[gone] |= FLAGS["unmatched"]
-        flag[left > np.maximum(settings.tolerance, error / 4)] |= FLAGS["not_converged"]
+        flag[left > np.maximum(2 * settings.tolerance, error / 2)] |= FLAGS["not_converged"]
     masked = _masked(reference.valid, grid)
     trusted = np.where((flag & FAILING).astype(bool) | masked, np.nan, maps)
     floor = np.maximum(FLOOR, np.nan_to_num(error, nan=FLOOR))
     flag[median_outliers(trusted, grid.step, settings.window, floor)] |= FLAGS["outlier"]
+    flag[_unsupported((flag & FAILING).astype(bool) & ~masked, masked)] |= FLAGS["outlier"]
     flag[masked] = FLAGS["masked"]
     return flag
+
+
+def _unsupported(failed: NDArray[np.bool_], masked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Points most of whose neighbours failed: an island in a region that could not be measured is chance."""
+    counts = []
+    for kind in (failed, ~failed & ~masked):
+        around = np.pad(kind.astype(np.int8), 1)
+        rows, columns = kind.shape
+        total = sum(
+            around[j : j + rows, i : i + columns] for j in range(3) for i in range(3) if (j, i) != (1, 1)
+        )
+        counts.append(total)
+    return ~failed & (counts[0] > 2 * counts[1])
 
 
 def _masked(valid: NDArray[np.uint8], grid: Grid) -> NDArray[np.bool_]:

@@ -1,10 +1,10 @@
 """Blend: one dense displacement from the local affine maps of a grid.
 
-Every grid point p carries a local affine map d + G(x − p). Between the points the displacement is the bicubic Hermite
-interpolant of d and G, with the mixed derivative from central differences of G. It agrees with value and gradient at every grid point, reproduces
-affine maps exactly and smooth fields to fourth order in the step, so that a fine displacement is not damped by the blend.
-Beyond the outermost points it goes on along straight lines. `hermite` is the same interpolant
-for any place, in NumPy.
+Every grid point p carries a local affine map d + G(x − p). Between the points the displacement is the
+bicubic Hermite interpolant of d and G, with the mixed derivative from central differences of G. It
+agrees with value and gradient at every grid point, reproduces affine maps exactly and smooth fields to
+fourth order in the step, so that a fine displacement is not damped by the blend. Beyond the outermost
+points it goes on along straight lines. `hermite` is the same interpolant for any place, in NumPy.
 
 | symbol | name |
 |---|---|
@@ -25,7 +25,8 @@ from sixflow.engine.hermite import slopes_along
 
 
 def twist_of(maps: NDArray[Any], step: float) -> NDArray[Any]:
-    """Mixed second derivatives u_xy, v_xy at the grid points: mean of ∂u_x/∂y and ∂u_y/∂x by central differences.
+    """Mixed second derivatives u_xy, v_xy at the grid points: mean of ∂u_x/∂y and ∂u_y/∂x by central
+    differences.
 
     Parameters
     ----------
@@ -64,8 +65,9 @@ def blend_row(
 ) -> None:
     """One component of the dense displacement along pixel row y.
 
-    `value`, `slope_x`, `slope_y` and `twist` are planes (rows, columns) of one component; `basis` is from `hermite_basis`; `line` is
-    scratch of shape (2, columns); `out` has one element per pixel of the row.
+    `value`, `slope_x`, `slope_y` and `twist` are planes (rows, columns) of one component; `basis` is
+    from `hermite_basis`; `line` is scratch of shape (2, columns); `out` has one element per pixel of
+    the row.
     """
     rows, columns = value.shape
     j = (y - y0) // step
@@ -80,7 +82,9 @@ def blend_row(
         b, d = b * step, d * step
         for i in range(columns):
             line[0, i] = a * value[j, i] + b * slope_y[j, i] + c * value[j + 1, i] + d * slope_y[j + 1, i]
-            line[1, i] = step * (a * slope_x[j, i] + b * twist[j, i] + c * slope_x[j + 1, i] + d * twist[j + 1, i])
+            line[1, i] = step * (
+                a * slope_x[j, i] + b * twist[j, i] + c * slope_x[j + 1, i] + d * twist[j + 1, i]
+            )
     width = out.size
     first, last = min(x0, width), min(x0 + (columns - 1) * step, width)
     for x in range(first):

@@ -1,9 +1,10 @@
 """Moments: Gaussian window sums of products of images, computed at the grid points only.
 
-The window is separable. First along the columns, for the grid's rows alone, with the weights w, wY, wY² (`window.moment_weights`): all
-pixel columns side by side, which is vector code. Then along the rows, for the grid's columns alone: every step-th pixel is brought
-side by side (phases), and the same code serves. A window that reaches beyond the frame sums what is there: missing weight, not
-zeros in the average.
+The window is separable. First along the columns, for the grid's rows alone, with the weights w, wY, wY²
+(`window.moment_weights`): all pixel columns side by side, which is vector code. Then along the rows,
+for the grid's columns alone: every step-th pixel is brought side by side (phases), and the same code
+serves. A window that reaches beyond the frame sums what is there: missing weight, not zeros in the
+average.
 
 | product | moments | where |
 |---|---|---|
@@ -30,11 +31,12 @@ def add_weighted(
     lines: NDArray[Any], first: int, count: int, column: int, weights: NDArray[Any], tap: int,
     out: NDArray[Any], at: int, orders: int, place: int, n: int,
 ) -> None:  # fmt: skip
-    """out[at + k, place + x] += Σ_row weights[k, tap + row] · lines[first + row, column + x] for k < orders, x < n.
+    """out[at + k, place + x] += Σ_row weights[k, tap + row] · lines[first + row, column + x] for k <
+    orders, x < n.
 
-    Eight rows at a time, one output and eight inputs a loop: with more, the compiler no longer proves that they do not
-    overlap, and writes scalar code. Offsets are arguments, and slices are taken of single rows, because a slice of a
-    two-dimensional array is not known to be contiguous.
+    Eight rows at a time, one output and eight inputs a loop: with more, the compiler no longer proves
+    that they do not overlap, and writes scalar code. Offsets are arguments, and slices are taken of
+    single rows, because a slice of a two-dimensional array is not known to be contiguous.
 
     Parameters
     ----------
@@ -71,7 +73,9 @@ def _multiply(a: NDArray[Any], b: NDArray[Any], out: NDArray[Any]) -> None:
 
 @kernel
 def _phases(line: NDArray[Any], first: int, out: NDArray[Any]) -> None:
-    """Bring every step-th pixel side by side: out[phase, m] = line[first + m·step + phase], 0 beyond the line."""
+    """Bring every step-th pixel side by side: out[phase, m] = line[first + m·step + phase], 0 beyond
+    the line.
+    """
     step, count = out.shape
     width = line.size
     for phase in range(step):
@@ -87,9 +91,11 @@ def _order_two(
     columns: NDArray[Any], powers: int, at: int, weights: NDArray[Any], first: int, phases: NDArray[Any],
     sums: NDArray[Any], out: NDArray[Any], place: int,
 ) -> None:  # fmt: skip
-    """Finish the moments 1, X, Y, X², XY, Y² of one product from its column sums with w, wY, … wY^(powers − 1).
+    """Finish the moments 1, X, Y, X², XY, Y² of one product from its column sums with w, wY, …
+    wY^(powers − 1).
 
-    The column sums are rows at … of `columns`; the moments go to out[:, place …], out being (grid columns, moments).
+    The column sums are rows at … of `columns`; the moments go to out[:, place …], out being (grid
+    columns, moments).
     """
     step, n, taps = phases.shape[0], out.shape[0], weights.shape[1]
     for power in range(powers):
@@ -111,8 +117,8 @@ def _column_sums(
 ) -> None:  # fmt: skip
     """Column sums of one tile of products for the grid rows start … stop.
 
-    `products` is (count, rows, tile width) and holds the pixel rows low … high; `columns` is (grid rows, Σ orders, frame
-    width), of which the `width` columns from `tile` are written.
+    `products` is (count, rows, tile width) and holds the pixel rows low … high; `columns` is (grid
+    rows, Σ orders, frame width), of which the `width` columns from `tile` are written.
     """
     _, y0, step = grid
     reach = weights.shape[1] // 2
@@ -154,7 +160,9 @@ def _finish(
 
 
 @kernel
-def _rows_needed(height: int, grid: tuple[int, int, int], reach: int, start: int, stop: int) -> tuple[int, int]:
+def _rows_needed(
+    height: int, grid: tuple[int, int, int], reach: int, start: int, stop: int
+) -> tuple[int, int]:
     _, y0, step = grid
     return max(0, y0 + start * step - reach), min(height, y0 + (stop - 1) * step + reach + 1)
 
@@ -210,7 +218,9 @@ def sandwich_strip(
     stop: int,
     out: NDArray[Any],
 ) -> None:
-    """Moments of the sandwich for the grid rows start … stop; `weights` are those of w², out is (rows, columns, 18)."""
+    """Moments of the sandwich for the grid rows start … stop; `weights` are those of w², out is (rows,
+    columns, 18).
+    """
     height, width = gradient_x.shape
     low, high = _rows_needed(height, grid, weights.shape[1] // 2, start, stop)
     orders = np.array([3, 3, 3])

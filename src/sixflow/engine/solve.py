@@ -1,16 +1,19 @@
 """Solve: the 6×6 normal equations of every grid point, and the covariance of their solution.
 
-Unknowns of one window, in units of σ: θ = (u, σu_x, σu_y, v, σv_x, σv_y), J = (g_x, g_x X, g_x Y, g_y, g_y X, g_y Y).
+Unknowns of one window, in units of σ: θ = (u, σu_x, σu_y, v, σv_x, σv_y), J = (g_x, g_x X, g_x Y, g_y,
+g_y X, g_y Y).
 
     H = Σ w J Jᵀ,   b = Σ w J q,   θ = H⁻¹b                       normal equations (total or increment form)
     C = H̃⁻¹ (Σ w² r² J Jᵀ) H̃⁻¹                                    covariance, the sandwich form
 
-The sandwich takes the residual where it is: noise that is larger on bright pixels, or a few unmatched particles, is counted with the weight it
-had in the solution. H̃ is H less what noise alone adds to the gradients' squares: the residual's slope has no such part, because noise is not correlated with its own
+The sandwich takes the residual where it is: noise that is larger on bright pixels, or a few unmatched
+particles, is counted with the weight it had in the solution. H̃ is H less what noise alone adds to the
+gradients' squares: the residual's slope has no such part, because noise is not correlated with its own
 difference. A point whose H̃ is not safely positive has no texture above its noise.
 
-The noise part γ of H is not without effect: it ties a point to the blend of its neighbours, (H̃ + γ)e = γ·(blend of e) − Σ w J n, which
-holds back the errors that vary within a window. White noise then leaves, with ρ = γ/H̃ and M = exp(−k²σ²/2) as q = k²σ²,
+The noise part γ of H is not without effect: it ties a point to the blend of its neighbours, (H̃ + γ)e =
+γ·(blend of e) − Σ w J n, which holds back the errors that vary within a window. White noise then
+leaves, with ρ = γ/H̃ and M = exp(−k²σ²/2) as q = k²σ²,
 
     ∫ e^−q / (1 + ρ(1 − e^−q/2))² dq        of the displacement's variance, and
     ∫ q e^−q / (1 + ρ(1 − e^−q/2))² dq      of the gradients'                        (`noise_feedback`).
@@ -27,9 +30,10 @@ from numpy.typing import NDArray
 
 from sixflow.engine.compiler import kernel
 
-
 LANES = 16
-"""Points that are worked on side by side: every loop below ends in one over LANES points, which is vector code."""
+"""Points that are worked on side by side: every loop below ends in one over LANES points, which is
+vector code.
+"""
 
 FEEDBACK_STEP = 0.01
 
@@ -38,7 +42,8 @@ FEEDBACK_STEP = 0.01
 def _assemble(moments: NDArray[Any], j: int, first: int, matrix: NDArray[Any]) -> None:
     """6×6 matrices Σ w f ⊗ (1, X, Y)(1, X, Y)ᵀ of LANES points from their 18 moments of g_x², g_x g_y, g_y².
 
-    `moments` is (rows, columns, ≥ 18); lanes beyond the last column repeat it. `matrix` is (6, 6, LANES); its lower triangle is written.
+    `moments` is (rows, columns, ≥ 18); lanes beyond the last column repeat it. `matrix` is (6, 6,
+    LANES); its lower triangle is written.
     """
     last = moments.shape[1] - 1
     for lane in range(LANES):
@@ -176,7 +181,12 @@ def noise_feedback() -> NDArray[np.float64]:
 
 @kernel
 def texture_strip(
-    moments: NDArray[Any], noise_gradient: NDArray[Any], start: int, stop: int, texture: NDArray[Any], rho: NDArray[Any]
+    moments: NDArray[Any],
+    noise_gradient: NDArray[Any],
+    start: int,
+    stop: int,
+    texture: NDArray[Any],
+    rho: NDArray[Any],
 ) -> None:
     """Signal-to-noise ratio of the gradients of every window, grid rows start … stop.
 
@@ -186,8 +196,8 @@ def texture_strip(
     noise_gradient : array, shape (rows, columns)
         γ, what noise alone adds to Σ w g_x² (and Σ w g_y²).
     texture : array, shape (rows, columns)
-        Smallest eigenvalue of the 2×2 matrix Σ w g gᵀ, less noise, over the noise: the weakest direction's signal-to-noise ratio
-        (power); 0 where there is one direction only.
+        Smallest eigenvalue of the 2×2 matrix Σ w g gᵀ, less noise, over the noise: the weakest
+        direction's signal-to-noise ratio (power); 0 where there is one direction only.
     rho : array, shape (rows, columns)
         γ over the mean of the two eigenvalues less noise; negative where there is nothing but noise.
     """

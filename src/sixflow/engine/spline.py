@@ -1,10 +1,12 @@
 """B-spline interpolation (Unser, Aldroubi and Eden 1993): prefilter, and the noise that interpolation leaves.
 
-An image is represented by coefficients c with I(x) = Σ_k c_k β(x − k), β the B-spline of degree 3 or 5. The coefficients are
-the image filtered by the inverse of the sampled spline, cut where it falls below the rounding of the dtype.
+An image is represented by coefficients c with I(x) = Σ_k c_k β(x − k), β the B-spline of degree 3 or 5.
+The coefficients are the image filtered by the inverse of the sampled spline, cut where it falls below
+the rounding of the dtype.
 
-Interpolating white noise of unit variance at a fraction f between pixels leaves noise of variance V(f) = Σ_k h_k(f)², h the
-cardinal spline: 1 on a pixel, less between. `noise_variance` gives V, so that the noise of a frame can be read off a residual.
+Interpolating white noise of unit variance at a fraction f between pixels leaves noise of variance V(f)
+= Σ_k h_k(f)², h the cardinal spline: 1 on a pixel, less between. `noise_variance` gives V, so that the
+noise of a frame can be read off a residual.
 """
 
 from __future__ import annotations
@@ -57,7 +59,8 @@ def spline_coefficients(image: NDArray[Any], degree: int) -> NDArray[Any]:
 
 
 def spline_weights(fraction: NDArray[Any], degree: int) -> NDArray[Any]:
-    """Weights of the degree + 1 coefficients around a position `fraction` ∈ [0, 1) past a pixel; shape (…, degree + 1).
+    """Weights of the degree + 1 coefficients around a position `fraction` ∈ [0, 1) past a pixel; shape
+    (…, degree + 1).
 
     The first weight belongs to the pixel (degree − 1)/2 before.
     """
@@ -79,7 +82,9 @@ def _cardinal_spectra(degree: int, fractions: NDArray[Any]) -> NDArray[Any]:
     """Spectra of the interpolator at each fraction, shape (fractions, frequencies)."""
     omega = 2 * np.pi * np.fft.fftfreq(_PERIOD)
     offsets = np.arange(degree + 1) - (degree - 1) // 2
-    return spline_weights(fractions, degree) @ np.exp(1j * np.outer(offsets, omega)) / _sampled_spectrum(degree)
+    return (
+        spline_weights(fractions, degree) @ np.exp(1j * np.outer(offsets, omega)) / _sampled_spectrum(degree)
+    )
 
 
 @cache
@@ -94,10 +99,11 @@ def noise_variance(degree: int) -> tuple[float, float, float]:
 
 @cache
 def gradient_noise(degree: int, derivative: tuple[float, ...]) -> float:
-    """Power that unit white noise in both frames adds to each gradient component, averaged over fractions between pixels.
+    """Power that unit white noise in both frames adds to each gradient component, averaged over
+    fractions between pixels.
 
-    ⟨g²⟩ for g = ½D(n₀ + S n₁), D the antisymmetric difference with half-weights `derivative`, S the interpolation at a fraction,
-    along both axes.
+    ⟨g²⟩ for g = ½D(n₀ + S n₁), D the antisymmetric difference with half-weights `derivative`, S the
+    interpolation at a fraction, along both axes.
     """
     fractions = (np.arange(32) + 0.5) / 32
     omega = 2 * np.pi * np.fft.fftfreq(_PERIOD)

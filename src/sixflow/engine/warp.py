@@ -2,18 +2,20 @@
 
 For every pixel x, with the dense displacement U (`blend`) and the moved frame's spline S₁ (`spline`)
 
-    r = S₁(x + U) − I₀(x)                          residual
-    (g_x, g_y) = D ½(I₀ + S₁(x + U))               gradient of the mean of the two frames, 8th-order differences D
-    q = g·U' − r                                    right-hand side of the total form (q = −r in increment form)
+    r = S₁(x + U) − I₀(x)                          residual (g_x, g_y) = D ½(I₀ + S₁(x + U))
+    gradient of the mean of the two frames, 8th-order differences D q = g·U' − r
+    right-hand side of the total form (q = −r in increment form)
 
-U' is U less one plane over the whole frame, subtracted from all maps before and added to the solution after: exact in
-exact arithmetic, and it keeps large displacements out of single-precision sums. D acts on the *sampled* mean frame: noise that is
-stationary is uncorrelated with its own antisymmetric difference, so that noise does not bias the solution.
+U' is U less one plane over the whole frame, subtracted from all maps before and added to the solution
+after: exact in exact arithmetic, and it keeps large displacements out of single-precision sums. D acts
+on the *sampled* mean frame: noise that is stationary is uncorrelated with its own antisymmetric
+difference, so that noise does not bias the solution.
 
-A pixel that has no partner (outside the moved frame, masked) gets g = 0 and a NaN residual: its weight is missing.
+A pixel that has no partner (outside the moved frame, masked) gets g = 0 and a NaN residual: its weight
+is missing.
 
-A row is interpolated in runs over which the whole-pixel part of U does not change; in a run the coefficients stand side by side
-in memory, and the compiler makes vector code of it.
+A row is interpolated in runs over which the whole-pixel part of U does not change; in a run the
+coefficients stand side by side in memory, and the compiler makes vector code of it.
 """
 
 from __future__ import annotations
@@ -89,7 +91,8 @@ def _interpolate_run(
     last: int,
     out: NDArray[Any],
 ) -> None:
-    """Sum of taps for the pixels first … last of a row; [row, column] is the first coefficient of the first pixel.
+    """Sum of taps for the pixels first … last of a row; [row, column] is the first coefficient of the
+    first pixel.
 
     Slices are of single rows, which the compiler knows to be contiguous.
     """
@@ -230,13 +233,14 @@ def warp_strip(
     reference : array, shape (height, width)
     coefficients : array
         Spline coefficients of the moved frame.
-    reference_valid, moved_valid : uint8 arrays of the frames' shapes, or of shape (0, 0) where every pixel is valid
-    maps, twist, grid : arrays (6, …) and (2, …) of the grid, and its (x0, y0, step)
+    reference_valid, moved_valid : uint8 arrays of the frames' shapes, or of shape (0, 0) where every
+    pixel is valid maps, twist, grid : arrays (6, …) and (2, …) of the grid, and its (x0, y0, step)
         Local affine maps, less `plane`.
     plane : array, shape (6,)
         (u, v at pixel (0, 0), u_x, u_y, v_x, v_y) subtracted from all maps.
     lighting : array, shape (2, 4, rows, columns), or of size 0 where light is steady
-        Gain and offset at the grid points, moved ≈ gain·reference + offset, each with its x-slope, y-slope and twist.
+        Gain and offset at the grid points, moved ≈ gain·reference + offset, each with its x-slope,
+        y-slope and twist.
     total : bool
         Total form (`right` = g·U' − r) or increment form (`right` = −r).
     gradient_x, gradient_y, right : arrays, shape (height, width)
@@ -277,8 +281,32 @@ def warp_strip(
             for x in range(width):
                 moved[y, x] = warped[x]
         if lighting.size:
-            blend_row(lighting[0, 0], lighting[0, 1], lighting[0, 2], lighting[0, 3], x0, y0, step, y, basis, line, gain)
-            blend_row(lighting[1, 0], lighting[1, 1], lighting[1, 2], lighting[1, 3], x0, y0, step, y, basis, line, offset)
+            blend_row(
+                lighting[0, 0],
+                lighting[0, 1],
+                lighting[0, 2],
+                lighting[0, 3],
+                x0,
+                y0,
+                step,
+                y,
+                basis,
+                line,
+                gain,
+            )
+            blend_row(
+                lighting[1, 0],
+                lighting[1, 1],
+                lighting[1, 2],
+                lighting[1, 3],
+                x0,
+                y0,
+                step,
+                y,
+                basis,
+                line,
+                offset,
+            )
             for x in range(width):
                 warped[x] = (warped[x] - offset[x]) / gain[x]
         if reference_valid.size:
@@ -302,14 +330,15 @@ def warp_strip(
         r1, r2, r3, r4 = centre[5:], centre[6:], centre[7:], centre[8:]
         target_x, target_y, target = gradient_x[y], gradient_y[y], right[y]
         for x in range(width):
-            target_x[x] = _D1 * (r1[x] - l1[x]) + _D2 * (r2[x] - l2[x]) + _D3 * (r3[x] - l3[x]) + _D4 * (r4[x] - l4[x])
+            target_x[x] = (
+                _D1 * (r1[x] - l1[x]) + _D2 * (r2[x] - l2[x]) + _D3 * (r3[x] - l3[x]) + _D4 * (r4[x] - l4[x])
+            )
         for x in range(width):
             target_y[x] = 0
         for d in range(1, HALO + 1):
             above, below = max(y - d, 0) - low, min(y + d, height - 1) - low
             up, down = mean[above, HALO:], mean[below, HALO:]
             weight = DERIVATIVE[d - 1]
-            here = centre[HALO:]
             if y - d < 0:
                 across = mean[min(d - y, height - 1) - low, HALO:]
                 edge = mean[0 - low, HALO:]

@@ -1,9 +1,10 @@
 """The window: a Gaussian weight of standard deviation σ = window/√(4π), and tables of its moments' weights.
 
-With this σ the weight has the effective area (Σw)²/Σw² = 4πσ² = window², that of a square subset of side `window`: the same number
-of pixels share the noise. It is cut at 3.5 σ, where w = 0.002.
+With this σ the weight has the effective area (Σw)²/Σw² = 4πσ² = window², that of a square subset of
+side `window`: the same number of pixels share the noise. It is cut at 3.5 σ, where w = 0.002.
 
-Coordinates inside a window are in units of σ, X = (x − p)/σ, which keeps the normal equations well conditioned.
+Coordinates inside a window are in units of σ, X = (x − p)/σ, which keeps the normal equations well
+conditioned.
 """
 
 from __future__ import annotations
@@ -51,8 +52,8 @@ def attenuation_period(sigma: float, sharpen: int = 0, attenuation: float = 0.1)
 def sharpening_noise(sharpen: int) -> tuple[float, float]:
     """Factors by which n sharpening passes raise the noise of displacement and of gradients.
 
-    √(2∫[1−(1−e^−x)^(n+1)]² dx) and √(4∫x[1−(1−e^−x)^(n+1)]² dx) over x from 0 to ∞: white noise through the response of
-    `attenuation_period`, relative to that of one window.
+    √(2∫[1−(1−e^−x)^(n+1)]² dx) and √(4∫x[1−(1−e^−x)^(n+1)]² dx) over x from 0 to ∞: white noise through
+    the response of `attenuation_period`, relative to that of one window.
 
     Examples
     --------

@@ -3,14 +3,15 @@
 | variable | dims | unit | meaning |
 |---|---|---|---|
 | u, v | time, y, x | px | displacement, x to the right and y down |
-| divergence, curl, stretch, shear | time, y, x | 1 | the four numbers of the displacement gradient (`sixflow.convention`) |
+| divergence, curl, stretch, shear | time, y, x | 1 | the displacement gradient (`sixflow.convention`) |
 | covariance | time, y, x, param, param2 | px², px, 1 | covariance of the six, in the order of `param` |
 | residual | time, y, x | 1 | zero-normalised residual: rms difference of the matched windows / rms contrast |
 | noise | time, y, x | grey | standard deviation of one frame's noise, from the residual |
 | flag | time, y, x | – | CF flag_masks, `FLAGS` |
 | frame0, frame1 | time | – | numbers of the reference and the moved frame |
 
-A point whose flag contains one of `FAILING` is NaN in every measured variable. Grid points lie on whole pixels.
+A point whose flag contains one of `FAILING` is NaN in every measured variable. Grid points lie on whole
+pixels.
 """
 
 from __future__ import annotations
@@ -22,11 +23,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sixflow.convention import SIX as SIX
 from sixflow.field.flags import FAILING as FAILING
 from sixflow.field.flags import FLAGS as FLAGS
-
-SIX = ("u", "v", "divergence", "curl", "stretch", "shear")
-"""Names of the six numbers, in the order used everywhere."""
 
 _LONG_NAMES = {
     "u": ("displacement to the right (x)", "px"),

@@ -19,9 +19,9 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.convention import gradient, recentre, six_from_gradient
+from sixflow.engine.hermite import HermiteSurface, Stencil, make_stencil
 from sixflow.errors import InputError
 from sixflow.field.dataset import SIX
-from sixflow.engine.hermite import HermiteSurface, Stencil, make_stencil
 from sixflow.field.selection import frame_shape, one_pair, require_variable
 
 Array = NDArray[Any]

@@ -18,11 +18,11 @@ import numpy as np
 import xarray as xr
 
 from sixflow.errors import FieldFileError, InputError
+from sixflow.field.provenance import joined_attrs, said_of_pairs
 from sixflow.write import zarrstore
 from sixflow.write.fieldfile import save
 from sixflow.write.layout import batches, checked_field, in_order
 from sixflow.write.progress import Progress
-from sixflow.write.provenance import joined_attrs, said_of_pairs
 from sixflow.write.target import check_output, disk_errors, publish, remove
 
 

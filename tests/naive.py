@@ -1,0 +1,254 @@
+"""Slow, obviously right twins of the compiled kernels: dense matrices, direct sums and SciPy, in double precision."""
+
+import numpy as np
+from scipy.integrate import quad
+from scipy.interpolate import BSpline, CubicHermiteSpline
+from scipy.ndimage import map_coordinates
+
+DIFFERENCES = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
+
+
+def mirror(index, size):
+    """Walk back and forth between the border samples."""
+    while size > 1 and not 0 <= index < size:
+        index = -index if index < 0 else 2 * (size - 1) - index
+    return index if size > 1 else 0
+
+
+def filter_matrix(half, size, pad):
+    """Matrix that filters a line of `size` samples with mirrored borders, `pad` samples further on each side."""
+    matrix = np.zeros((size + 2 * pad, size))
+    for row in range(-pad, size + pad):
+        for k in range(1 - len(half), len(half)):
+            matrix[row + pad, mirror(row + k, size)] += half[abs(k)]
+    return matrix
+
+
+def filter_separable(image, half, pad=0, stride=1):
+    down, across = (filter_matrix(half, size, pad) for size in image.shape)
+    return (down @ image.astype(float) @ across.T)[::stride, ::stride]
+
+
+def bspline(distance, degree):
+    """B-spline of a degree, centred at 0."""
+    basis = BSpline.basis_element(np.arange(degree + 2) - (degree + 1) / 2, extrapolate=False)
+    return np.nan_to_num(basis(np.asarray(distance, float)))
+
+
+def spline_coefficients(image, degree, pad):
+    """Solve for the coefficients whose spline goes through every pixel; mirrored beyond the borders."""
+    samples = bspline(np.arange((degree + 1) // 2), degree)
+    down, across = (np.linalg.inv(filter_matrix(samples, size, 0)) for size in image.shape)
+    coefficients = down @ image.astype(float) @ across.T
+    rows, columns = ([mirror(k, size) for k in range(-pad, size + pad)] for size in image.shape)
+    return coefficients[np.ix_(rows, columns)]
+
+
+def interpolate(image, x, y, degree):
+    return map_coordinates(image.astype(float), [y, x], order=degree, mode="mirror")
+
+
+def interpolation_noise(fraction, degree):
+    """Variance of unit white noise interpolated at a fraction between pixels: Σ of the squared impulse response."""
+    impulse = np.zeros(128)
+    impulse[64] = 1
+    response = map_coordinates(impulse, [np.arange(16, 112) + fraction], order=degree, mode="mirror")
+    return float((response**2).sum())
+
+
+def slopes(values, nodes, axis):
+    if len(nodes) == 1:
+        return np.zeros_like(values)
+    return np.gradient(values, nodes, axis=axis, edge_order=2 if len(nodes) > 2 else 1)
+
+
+def twist(maps, step):
+    """Mean of ∂u_x/∂y and ∂u_y/∂x, and the same of v."""
+    y, x = (step * np.arange(size, dtype=float) for size in maps.shape[1:])
+    return np.stack([(slopes(maps[k], y, 0) + slopes(maps[k + 1], x, 1)) / 2 for k in (2, 4)])
+
+
+def hermite_line(nodes, values, slope, wanted):
+    """Cubic Hermite interpolant of one line; straight on beyond the outermost nodes."""
+    inside = np.clip(wanted, nodes[0], nodes[-1])
+    if len(nodes) == 1:
+        return values[0] + (wanted - inside) * slope[0]
+    spline = CubicHermiteSpline(nodes, values, slope)
+    return spline(inside) + (wanted - inside) * spline(inside, 1)
+
+
+def hermite_surface(nodes_x, nodes_y, value, slope_x, slope_y, x, y):
+    """Hermite interpolant on the crossings of x and y: along y first, then along x."""
+    mixed = (slopes(slope_x, nodes_y, 0) + slopes(slope_y, nodes_x, 1)) / 2
+    columns = range(len(nodes_x))
+    lines = np.stack([hermite_line(nodes_y, value[:, i], slope_y[:, i], y) for i in columns], axis=1)
+    along = np.stack([hermite_line(nodes_y, slope_x[:, i], mixed[:, i], y) for i in columns], axis=1)
+    return np.stack([hermite_line(nodes_x, lines[j], along[j], x) for j in range(len(y))])
+
+
+def blend(maps, grid, shape):
+    """Dense displacement (u, v) of the local affine maps of a grid (x0, y0, step)."""
+    x0, y0, step = grid
+    rows, columns = maps.shape[1:]
+    nodes_x, nodes_y = x0 + step * np.arange(columns, dtype=float), y0 + step * np.arange(rows, dtype=float)
+    y, x = (np.arange(size, dtype=float) for size in shape)
+    return np.stack(
+        [
+            hermite_surface(nodes_x, nodes_y, maps[k], maps[2 + 2 * k], maps[3 + 2 * k], x, y)
+            for k in range(2)
+        ]
+    )
+
+
+def differentiate(image, axis):
+    """8th-order central difference; beyond the border the image goes on point-symmetrically."""
+    image = np.moveaxis(image, axis, -1)
+    width = image.shape[-1]
+
+    def at(column):
+        if column < 0:
+            return 2 * image[..., 0] - image[..., -column]
+        if column >= width:
+            return 2 * image[..., -1] - image[..., 2 * (width - 1) - column]
+        return image[..., column]
+
+    out = np.zeros_like(image)
+    for x in range(width):
+        for d, weight in enumerate(DIFFERENCES, start=1):
+            out[..., x] += weight * (at(x + d) - at(x - d))
+    return np.moveaxis(out, -1, axis)
+
+
+def warp(reference, moved, maps, grid, plane, degree, total, noise, *, valid0=None, valid1=None, light=None):
+    """Gradient, right-hand side, residual and warped frame of one pass; `maps` are less the plane.
+
+    valid0, valid1: bool arrays or None; light: dense (gain, offset) or None; noise: function of the fraction.
+    """
+    height, width = reference.shape
+    y, x = np.mgrid[:height, :width].astype(float)
+    u, v = blend(maps, grid, reference.shape)
+    to_x = x + u + plane[0] + plane[2] * x + plane[3] * y
+    to_y = y + v + plane[1] + plane[4] * x + plane[5] * y
+    inside = (to_x >= 0) & (to_x <= width - 1) & (to_y >= 0) & (to_y <= height - 1)
+    if valid1 is not None:
+        column = np.clip(np.floor(np.where(inside, to_x, 0)).astype(int), 0, width - 1)
+        row = np.clip(np.floor(np.where(inside, to_y, 0)).astype(int), 0, height - 1)
+        inside &= valid1[row, column]
+    warped = np.where(inside, interpolate(moved, np.where(inside, to_x, 0), np.where(inside, to_y, 0), degree), np.nan)
+    lit = warped if light is None else (warped - light[1]) / light[0]
+    r = lit - reference
+    if valid0 is not None:
+        r = np.where(valid0, r, np.nan)
+    known = np.isfinite(r)
+    mean = reference + np.where(known, r, 0) / 2
+    gx, gy = differentiate(mean, 1), differentiate(mean, 0)
+    q = (gx * u + gy * v if total else 0) - r
+    variance = noise(to_x - np.floor(to_x)) * noise(to_y - np.floor(to_y))
+    return {
+        "gradient_x": np.where(known, gx, 0),
+        "gradient_y": np.where(known, gy, 0),
+        "right": np.where(known, q, 0),
+        "residual": r * np.sqrt(2 / (1 + variance)),
+        "warped": warped,
+    }
+
+
+def window(sigma, shape, x, y, power=1):
+    """(w^power, X, Y) of the window at (x, y): a product of Gaussians cut at 3.5 σ/√power in each direction."""
+    reach = np.ceil(3.5 * sigma / np.sqrt(power))
+    rows, columns = np.mgrid[: shape[0], : shape[1]].astype(float)
+    dx, dy = columns - x, rows - y
+    w = np.exp(-(dx**2 + dy**2) / (2 * sigma**2)) / (2 * np.pi * sigma**2)
+    return np.where((abs(dx) <= reach) & (abs(dy) <= reach), w, 0) ** power, dx / sigma, dy / sigma
+
+
+def each_window(sigma, shape, grid, size, power=1):
+    x0, y0, step = grid
+    for j in range(size[0]):
+        for i in range(size[1]):
+            yield j, i, *window(sigma, shape, x0 + i * step, y0 + j * step, power)
+
+
+def _orders(count, X, Y):
+    return [np.ones_like(X), X, Y, X * X, X * Y, Y * Y][: count * (count + 1) // 2]
+
+
+def moments(products, orders, sigma, grid, size, power=1):
+    """Window sums of each product times 1, X, Y (, X², XY, Y²), in a row; shape (rows, columns, Σ)."""
+    out = [[[] for _ in range(size[1])] for _ in range(size[0])]
+    for j, i, w, X, Y in each_window(sigma, products[0].shape, grid, size, power):
+        for product, order in zip(products, orders, strict=True):
+            out[j][i] += [(w * product * part).sum() for part in _orders(order, X, Y)]
+    return np.array(out)
+
+
+def jacobian(gx, gy, X, Y):
+    return np.stack([gx, gx * X, gx * Y, gy, gy * X, gy * Y])
+
+
+def symmetric(moments):
+    """6×6 matrix of the 18 moments of g_x², g_x g_y, g_y²."""
+    blocks = []
+    for one, x, y, xx, xy, yy in np.asarray(moments, float)[:18].reshape(3, 6):
+        blocks.append(np.array([[one, x, y], [x, xx, xy], [y, xy, yy]]))
+    return np.block([[blocks[0], blocks[1]], [blocks[1], blocks[2]]])
+
+
+def maps_of(theta, sigma):
+    """(u, v, u_x, u_y, v_x, v_y) of θ = (u, σu_x, σu_y, v, σv_x, σv_y)."""
+    return np.array([theta[0], theta[3], theta[1] / sigma, theta[2] / sigma, theta[4] / sigma, theta[5] / sigma])
+
+
+def unknowns_of(maps, sigma):
+    return np.array([maps[0], sigma * maps[2], sigma * maps[3], maps[1], sigma * maps[4], sigma * maps[5]])
+
+
+def six_transform(sigma):
+    """Matrix from θ to (u, v, divergence, curl, stretch, shear)."""
+    columns = []
+    for k in range(6):
+        u, v, u_x, u_y, v_x, v_y = maps_of(np.eye(6)[k], sigma)
+        columns.append([u, v, u_x + v_y, v_x - u_y, u_x - v_y, u_y + v_x])
+    return np.array(columns).T
+
+
+def feedback(rho):
+    """Factors of the standard errors when the noise's share ties points to their neighbours."""
+
+    def held(q):
+        return np.exp(-q) / (1 + rho * (1 - np.exp(-q / 2))) ** 2
+
+    return np.sqrt([quad(held, 0, 60)[0], quad(lambda q: q * held(q), 0, 60)[0]])
+
+
+def covariance(normal, sandwich, gamma, rho, transform):
+    """H̃⁻¹ meat H̃⁻¹ in the six numbers, with the noise's share out of H and its feedback on the errors."""
+    bread = transform @ np.linalg.inv(symmetric(normal) - gamma * np.eye(6))
+    displacement, gradient = feedback(np.clip(rho, 0, 4))
+    bread *= np.array([displacement] * 2 + [gradient] * 4)[:, None]
+    return bread @ symmetric(sandwich) @ bread.T
+
+
+def texture(normal, gamma):
+    """(signal-to-noise ratio of the weakest direction, noise share ρ)."""
+    values = np.linalg.eigvalsh(symmetric(normal)[np.ix_([0, 3], [0, 3])]) - gamma
+    ratio = values[0] / gamma if gamma > 0 else np.inf
+    return (0.0 if values[0] <= 1e-4 * values.sum() else ratio), gamma / values.mean()
+
+
+def median_outliers(maps, step, reach, floor, limit):
+    rows, columns = maps.shape[1:]
+    outlier = np.zeros((rows, columns), bool)
+    for j, i in np.ndindex(rows, columns):
+        for k in range(2):
+            guesses = []
+            for dj, di in [(a, b) for a in (-reach, 0, reach) for b in (-reach, 0, reach) if (a, b) != (0, 0)]:
+                if 0 <= j + dj < rows and 0 <= i + di < columns:
+                    there = maps[:, j + dj, i + di]
+                    guesses.append(there[k] - step * (there[2 + 2 * k] * di + there[3 + 2 * k] * dj))
+            guesses = np.array(guesses)[np.isfinite(guesses)]
+            if len(guesses) >= 3 and np.isfinite(maps[0, j, i]):
+                middle = np.median(guesses)
+                spread = np.median(abs(guesses - middle))
+                outlier[j, i] |= abs(maps[k, j, i] - middle) > limit * (spread + floor[j, i])
+    return outlier
