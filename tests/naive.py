@@ -252,3 +252,28 @@ def median_outliers(maps, step, reach, floor, limit):
                 spread = np.median(abs(guesses - middle))
                 outlier[j, i] |= abs(maps[k, j, i] - middle) > limit * (spread + floor[j, i])
     return outlier
+
+
+def window_sums(product, sigma, x, y, power=1):
+    """Moments 1, X, Y, X², XY, Y² of one image under the windows at the crossings of x and y; shape (rows, columns, 6)."""
+    matrices = []
+    for size, centres in zip(product.shape, (y, x), strict=True):
+        scaled = (np.arange(size) - np.asarray(centres)[:, None]) / sigma
+        w = np.exp(-(scaled**2) / 2) / (np.sqrt(2 * np.pi) * sigma)
+        w = np.where(abs(scaled * sigma) <= np.ceil(3.5 * sigma / np.sqrt(power)), w, 0) ** power
+        matrices.append([w * scaled**k for k in range(3)])
+    down, across = matrices
+    orders = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
+    return np.stack([down[b] @ product @ across[a].T for a, b in orders], axis=-1)
+
+
+def cramer_rao(gx, gy, sigma, x, y, noise):
+    """Smallest covariance of the six under a weighted window: H⁻¹ (Σ w² 2 noise² J Jᵀ) H⁻¹, g the pattern's own gradient."""
+    products = gx * gx, gx * gy, gy * gy
+    normal = np.concatenate([window_sums(p, sigma, x, y) for p in products], axis=-1)
+    meat = np.concatenate([window_sums(2 * noise**2 * p, sigma, x, y, 2) for p in products], axis=-1)
+    out = np.empty((len(y), len(x), 6, 6))
+    for at in np.ndindex(*out.shape[:2]):
+        bread = six_transform(sigma) @ np.linalg.inv(symmetric(normal[at]))
+        out[at] = bread @ symmetric(meat[at]) @ bread.T
+    return out

@@ -333,17 +333,17 @@ def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, 
         maps = passes.solve(filled)
         update = np.hypot(maps[0] - filled[0], maps[1] - filled[1])
         left = update * passes.contraction()
-        if _typical(left) < settings.tolerance and passes.explained() < EXPLAINED:
+        if typical(left) < settings.tolerance and passes.explained() < EXPLAINED:
             break
     for _ in range(settings.sharpen):
         maps = passes.solve(settle(maps, step, settings.window), total=False)
     return maps, passes.quality(settings.sharpen), left
 
 
-def _typical(left: NDArray[Any]) -> float:
-    """What 99 % of the points do not exceed."""
+def typical(left: NDArray[Any]) -> float:
+    """What 98 % of the points do not exceed."""
     known = left[np.isfinite(left)]
-    return float(np.quantile(known, 0.99)) if known.size else np.inf
+    return float(np.quantile(known, 0.98)) if known.size else np.inf
 
 
 def _mean_plane(maps: NDArray[Any], grid: Grid) -> NDArray[np.float64]:

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from sixflow.engine.hermite import HermiteSurface
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
-from sixflow.refine import Passes, Workspace
+from sixflow.refine import Passes, Workspace, typical
 from sixflow.settings import Settings
 from sixflow.validate import settle
 
-FIRST_PASSES = 4
-LEVEL_PASSES = 2
+LEVEL_PASSES = 4
+SETTLED = 0.1  # px of the level: the next level corrects what is left
 CORRELATION_SIDE = 256
 CLEAR_PEAK = 8.0
 
@@ -64,8 +64,12 @@ def search(
         maps = _shifted(here, shift / 2**level) if maps is None else finer(maps, found, here, 2.0)
         passes = Passes(small, small_moved, here, coarse, workspace)
         start = maps
-        for _ in range(FIRST_PASSES if level == top else LEVEL_PASSES):
-            maps = settle(passes.solve(maps), here.step, settings.window)
+        for _ in range(LEVEL_PASSES):
+            solution = passes.solve(maps)
+            update = np.hypot(solution[0] - maps[0], solution[1] - maps[1])
+            maps = settle(solution, here.step, settings.window)
+            if typical(update) < SETTLED:
+                break
         # where halving has left no texture, what the level found is noise: keep what was known before
         maps = np.where(passes.trust(), maps, start)
         found = here

@@ -23,3 +23,25 @@ def kernel(function: Kernel) -> Kernel:
 def compiled_now() -> int:
     """Return how many kernels this process had to compile, rather than load from disk."""
     return sum(sum(k.stats.cache_misses.values()) for k in _KERNELS)
+
+
+def needs_compiling(dtype: str = "float32") -> bool:
+    """Tell whether most kernels have no machine code on disk for images of a type: the first measurement will take long.
+
+    Parameters
+    ----------
+    dtype : {"float32", "float64"}
+        Type that images are computed in.
+    """
+    ready = [_is_stored(k, dtype) for k in _KERNELS]
+    return 2 * sum(ready) < len(ready)
+
+
+def _is_stored(compiled: Any, dtype: str) -> bool:
+    """Look for a kernel in the index that numba keeps; where there is none to look into, expect no compilation."""
+    load = getattr(getattr(getattr(compiled, "_cache", None), "_cache_file", None), "_load_index", None)
+    if load is None:
+        return True
+    types = [{str(getattr(argument, "dtype", "")) for argument in key[0]} for key in load()]
+    single = "float32"
+    return any((single in found) == (dtype == single) for found in types if found & {single, "float64"})

@@ -252,6 +252,7 @@ def warp_strip(
     height, width = reference.shape
     x0, y0, step = grid
     dtype = reference.dtype
+    zero = dtype.type(0)
     low, high = max(0, start - HALO), min(height, stop + HALO)
     mean = np.empty((high - low, width + 2 * HALO), dtype)
     difference = np.empty((high - low, width), dtype)
@@ -272,10 +273,12 @@ def warp_strip(
         blend_row(maps[1], maps[4], maps[5], twist[1], x0, y0, step, y, basis, line, v)
         base_u, base_v = plane[0] + plane[3] * y, plane[1] + plane[5] * y
         slope_u, slope_v = plane[2], plane[4]
+        whole_u, whole_v = position[0], position[1]
         for x in range(width):
-            position[0, x] = u[x] + base_u + slope_u * x
-            position[1, x] = v[x] + base_v + slope_v * x
-        warp_row(coefficients, moved_valid, position[0], position[1], y, scratch, warped, variance, noise)
+            whole_u[x] = u[x] + (base_u + slope_u * x)
+        for x in range(width):
+            whole_v[x] = v[x] + (base_v + slope_v * x)
+        warp_row(coefficients, moved_valid, whole_u, whole_v, y, scratch, warped, variance, noise)
         still = reference[y]
         if moved.size and start <= y < stop:
             for x in range(width):
@@ -313,13 +316,15 @@ def warp_strip(
             for x in range(width):
                 if reference_valid[y, x] == 0:
                     warped[x] = np.nan
+        r, middle = difference[k], mean[k][HALO : HALO + width]
         for x in range(width):
-            r = warped[x] - still[x]
-            difference[k, x] = r
-            mean[k, x + HALO] = still[x] + (r / 2 if r == r else 0)
+            r[x] = warped[x] - still[x]
+        for x in range(width):
+            middle[x] = still[x] + (r[x] / 2 if r[x] == r[x] else zero)
         if residual.size and start <= y < stop:
+            target = residual[y]
             for x in range(width):
-                residual[y, x] = difference[k, x] * math.sqrt(2 / (1 + variance[x]))
+                target[x] = r[x] * math.sqrt(2 / (1 + variance[x]))
         for x in range(HALO):  # odd extension: the gradient goes on as it was at the border
             mean[k, x] = 2 * mean[k, HALO] - mean[k, 2 * HALO - x]
             mean[k, width + HALO + x] = 2 * mean[k, width + HALO - 1] - mean[k, width + HALO - 2 - x]
@@ -354,10 +359,11 @@ def warp_strip(
                     target_y[x] += weight * (down[x] - up[x])
         u, v, r = dense[0, k], dense[1, k], difference[k]
         for x in range(width):
-            if r[x] == r[x]:
-                motion = target_x[x] * u[x] + target_y[x] * v[x] if total else 0
-                target[x] = motion - r[x]
-            else:
-                target_x[x] = 0
-                target_y[x] = 0
-                target[x] = 0
+            target_x[x] = target_x[x] if r[x] == r[x] else zero
+        for x in range(width):
+            target_y[x] = target_y[x] if r[x] == r[x] else zero
+        for x in range(width):
+            target[x] = -r[x] if r[x] == r[x] else zero
+        if total:
+            for x in range(width):
+                target[x] += target_x[x] * u[x] + target_y[x] * v[x]

@@ -1,0 +1,101 @@
+"""`sixflow info`: what is in a file of frames, or in a field."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import cyclopts
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from sixflow.frames import FrameSource
+
+SUMMARISED_BYTES = 2**30
+"""Longer recordings are summarised by their first pairs."""
+
+
+def info(file: Annotated[str, cyclopts.Parameter(name="FILE")], /) -> None:
+    """Tell what is in a file of frames (a folder, a pattern, a video), or in a field.
+
+    Parameters
+    ----------
+    file
+        Frames as for `sixflow measure`, or a field: .nc or .zarr.
+    """
+    if _is_field(Path(file).expanduser()):
+        from sixflow.write import open_field
+
+        with open_field(file) as field:
+            print(describe_field(field, file))
+    else:
+        from sixflow.frames import open_frames
+
+        print(describe_frames(open_frames(file)))
+
+
+def _is_field(path: Path) -> bool:
+    from sixflow.write.target import SUFFIXES, is_zarr
+
+    return path.suffix.lower() in SUFFIXES or is_zarr(path)
+
+
+def describe_frames(source: FrameSource) -> str:
+    """Return number, size, type, grey values, times and notes of frames, as lines of text."""
+    import numpy as np
+
+    first = next(iter(source))
+    finite = first[np.isfinite(first)]
+    lines = [source.description]
+    if finite.size:
+        lines.append(f"grey        {finite.min():g} to {finite.max():g} in the first frame, mean {finite.mean():.4g}")
+    times = source.times
+    if times is None:
+        lines.append("times       not recorded; give --frame-interval for rates per second")
+    else:
+        intervals = np.diff(times)
+        text = f"{times[0]:.6g} s to {times[-1]:.6g} s"
+        if intervals.size:
+            even = np.ptp(intervals) <= 1e-3 * intervals.mean()
+            text += f", {'every' if even else 'uneven, on average every'} {intervals.mean():.6g} s"
+        lines.append(f"times       {text}")
+    lines += [f"note        {note}" for note in source.notes]
+    return "\n".join(lines)
+
+
+def describe_field(field: xr.Dataset, name: str) -> str:
+    """Return pairs, times, summary, settings, version, digest and notes of a field, as lines of text."""
+    import sixflow.field.accessor  # noqa: F401 - registers Dataset.sixflow
+    from sixflow.field.selection import require_field
+
+    field = require_field(field, name)
+    pairs = field.sizes.get("time", 1)
+    part = field
+    if field.nbytes > SUMMARISED_BYTES and pairs > 1:
+        part = field.isel(time=slice(max(1, SUMMARISED_BYTES * pairs // field.nbytes)))
+    lines = [f"{name}: {_pairs_and_frames(field)}"]
+    if part is not field:
+        lines.append(f"a long recording: the summary is of its first {part.sizes['time']} pairs")
+    lines += ["", part.sixflow.summary(), "", "provenance"]
+    labels = {"sixflow_version": "version", "input_digest": "digest", "attenuation_period_10": "resolution"}
+    for attribute, label in labels.items():
+        if attribute in field.attrs:
+            value = field.attrs[attribute]
+            if label == "resolution":
+                value = f"a sine of period {float(value):.3g} px is attenuated by 10 %"
+            lines.append(f"{label:14} {value}")
+    lines += [f"{'note':14} {note}" for note in str(field.attrs.get("notes", "")).splitlines()]
+    return "\n".join(lines)
+
+
+def _pairs_and_frames(field: xr.Dataset) -> str:
+    pairs = field.sizes.get("time", 1)
+    text = f"a field of {pairs} pair{'s' * (pairs != 1)}"
+    if "frame_shape" in field.attrs:
+        height, width = field.attrs["frame_shape"]
+        text += f" of frames of {width}×{height} px"
+    if "time" in field.coords:
+        times, unit = field["time"].values.reshape(-1), field["time"].attrs.get("units", "")
+        text += f", time {times[0]:.6g} to {times[-1]:.6g} {unit}" if times.size > 1 else ""
+    return text

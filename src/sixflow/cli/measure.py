@@ -1,0 +1,197 @@
+"""`sixflow measure`: from frames to a field file."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import itertools
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+
+from cyclopts import Parameter
+
+from sixflow.cli.errors import say
+from sixflow.cli.progress import announce_compilation, progress
+from sixflow.cli.settings_flags import SettingsFlags, gather_settings
+from sixflow.errors import InputError, MeasurementError
+from sixflow.settings import Settings
+from sixflow.version import __version__
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sixflow.cli.tally import Tally
+    from sixflow.frames import FrameSource
+
+Pairs: TypeAlias = Literal["consecutive", "first"]
+SHOWN_NOTES = 5
+"""Notes that are written out; a long recording may have one for every pair."""
+
+
+def measure(
+    frames: Annotated[tuple[str, ...], Parameter(name="FRAMES")],
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=("--output", "-o"))],
+    flags: Annotated[SettingsFlags | None, Parameter(name="*")] = None,
+    settings: Path | None = None,
+    mask: Path | None = None,
+    pairs: Pairs = "consecutive",
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    resume: Annotated[bool, Parameter(negative="")] = False,
+    plot: Path | None = None,
+    quiet: Annotated[bool, Parameter(name=("--quiet", "-q"), negative="")] = False,
+) -> None:
+    """Measure the six-parameter flow field of a pair of frames, or of a recording.
+
+    Two files are a pair. A folder, a pattern in quotes, a stack, a video, or more than two files are a
+    recording. The output is checked before anything is measured, and appears under its name only when it is
+    complete.
+
+    Parameters
+    ----------
+    frames
+        Files, a folder, a pattern in quotes such as 'run/A_*.tif', or a video.
+    output
+        The field: .nc (netCDF-4), .zarr (a folder, for long recordings) or .csv (a table).
+    settings
+        TOML file of settings, such as `window = 41`. Flags win over the file, the file over the defaults.
+    mask
+        Image of the frames' size: non-zero where to measure.
+    pairs
+        Each frame against the next, or the first frame against each later one.
+    overwrite
+        Replace the output, and the picture of --plot, if they exist.
+    resume
+        Continue a recording that was interrupted.
+    plot
+        Draw the field of the first pair too: .png, .pdf or .svg.
+    quiet
+        No progress, notes or closing lines; errors only.
+    """
+    from sixflow.cli.figures import check_figure
+    from sixflow.frames import open_frames
+    from sixflow.write import check_output
+
+    output = check_output(output, overwrite)
+    picture = None if plot is None else check_figure(plot, overwrite)
+    chosen = gather_settings(flags, settings)
+    source = open_frames(frames[0] if len(frames) == 1 else list(frames))
+    _require_pair(source, frames)
+    job = Job(source, chosen, pairs, None if mask is None else read_mask(mask))
+    tally, seconds = _measure_into(output, job, overwrite=overwrite, resume=resume, quiet=quiet)
+    if picture is not None:
+        _draw_first(job, picture)
+    if not quiet:
+        say_notes((*source.notes, *tally.notes))
+        print(f"{output}: {tally.describe(job.pair_count, seconds)}")
+    _require_some(tally, output)
+
+
+@dataclasses.dataclass(frozen=True)
+class Job:
+    """What is measured, and how."""
+
+    source: FrameSource
+    settings: Settings
+    pairs: Pairs
+    mask: NDArray[np.bool_] | None
+
+    @property
+    def pair_count(self) -> int:
+        """Number of pairs."""
+        return len(self.source) - 1
+
+    @property
+    def identity(self) -> dict[str, str]:
+        """What tells this measurement from others, when an interrupted one is continued."""
+        mask = "none" if self.mask is None else hashlib.sha256(self.mask.tobytes()).hexdigest()[:16]
+        return {
+            "settings": self.settings.to_json(),
+            "frames": f"{len(self.source)} frames, the first with digest {self.source.fingerprint}",
+            "pairs": self.pairs,
+            "mask": mask,
+            "sixflow_version": __version__,
+        }
+
+
+def _measure_into(
+    output: Path, job: Job, *, overwrite: bool, resume: bool, quiet: bool
+) -> tuple[Tally, float]:
+    """Measure pair by pair into the output; return what was measured, and the seconds it took."""
+    from sixflow.cli.tally import Tally
+    from sixflow.measurement import iterate_sequence
+    from sixflow.write import RecordingWriter
+
+    tally, options = Tally(), {"overwrite": overwrite, "resume": resume}
+    with RecordingWriter(output, identity=job.identity, **options) as writer:
+        announce_compilation("float64" if job.settings.float64 else "float32", quiet=quiet)
+        started = time.perf_counter()
+        with progress(job.pair_count, writer.done, quiet=quiet) as advance:
+            for field in iterate_sequence(
+                job.source, pairs=job.pairs, mask=job.mask, settings=job.settings, skip=writer.done
+            ):
+                writer.append(field)
+                tally.add(field)
+                advance()
+    return tally, time.perf_counter() - started
+
+
+def _draw_first(job: Job, path: Path) -> None:
+    """Draw the field of the first pair, measured once more: a long recording is not read back for it."""
+    from sixflow.cli.figures import staged_figure
+    from sixflow.measurement import measure as measure_pair
+    from sixflow.plot import plot_field
+
+    frames = list(itertools.islice(job.source, 2))
+    field = measure_pair(*frames, mask=job.mask, settings=job.settings)
+    with staged_figure(path) as partial:
+        plot_field(field, frames[0], path=partial)
+
+
+def read_mask(path: Path) -> NDArray[np.bool_]:
+    """Return where the mask is not zero, from an image file.
+
+    Raises
+    ------
+    FrameFileError
+        If the file cannot be read.
+    InputError
+        If it holds several frames, or is a JPEG, whose compression disturbs the zeros.
+    """
+    from sixflow.frames import open_frames
+
+    if path.suffix.lower() in (".jpg", ".jpeg"):
+        raise InputError(f"mask {path}: JPEG compression disturbs the zeros of a mask; save it as PNG or TIFF")
+    source = open_frames(path)
+    if len(source) != 1:
+        raise InputError(f"mask {path}: {len(source)} frames; give an image of one")
+    values = next(iter(source))
+    return (values != 0) & (values == values)  # NaN is no value, so not measured
+
+
+def say_notes(notes: Iterable[str]) -> None:
+    """Write each note once to stderr, the first few of many."""
+    unique = list(dict.fromkeys(notes))
+    for note in unique[:SHOWN_NOTES]:
+        say(f"note: {note}")
+    if len(unique) > SHOWN_NOTES:
+        say(f"note: and {len(unique) - SHOWN_NOTES} more, in the attribute 'notes' of the field")
+
+
+def _require_pair(source: FrameSource, given: tuple[str, ...]) -> None:
+    if len(source) < 2:
+        raise InputError(
+            f"{' '.join(given)}: a single frame; give two files, or a folder, a pattern, a stack or a video"
+        )
+
+
+def _require_some(tally: Tally, output: Path) -> None:
+    if tally.pairs and not tally.valid:
+        raise MeasurementError(
+            f"none of the {tally.points} points could be measured; most are flagged {tally.main_flag()!r}: "
+            f"see the flags in {output}, and try a larger --window"
+        )

@@ -1,0 +1,108 @@
+"""`sixflow plot`: a picture of one pair of a field file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from sixflow.cli.settings_flags import CalibrationFlags
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def plot(
+    field: Annotated[Path, Parameter(name="FIELD")],
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=("--output", "-o"))],
+    frame: str | None = None,
+    time: int = 0,
+    y_up: Annotated[bool, Parameter(negative="")] = False,
+    units: Literal["px", "physical"] = "px",
+    arrows: int = 28,
+    glyphs: int = 16,
+    exaggerate: float | None = None,
+    standard_errors: bool = True,
+    title: str | None = None,
+    calibration: Annotated[CalibrationFlags | None, Parameter(name="*")] = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Draw one pair of a field: arrows, deformation, maps of the six numbers and of their standard errors.
+
+    Parameters
+    ----------
+    field
+        A field file, .nc or .zarr.
+    output
+        The picture: .png, .pdf or .svg.
+    frame
+        Frames to draw on: an image, or the recording that was measured.
+    time
+        Position of the pair along time; negative ones count from the end.
+    y_up
+        Let the y axis point upwards: coordinates, v, curl and shear change sign, the picture does not.
+    units
+        "physical" draws velocities and rates; the field or the flags below must say the calibration.
+    arrows
+        About this many arrows along the longer side.
+    glyphs
+        About this many deformed squares along the longer side.
+    exaggerate
+        Factor on the deformation of the squares; chosen, and stated in the picture, if not given.
+    standard_errors
+        Draw the standard errors beside the numbers.
+    title
+        Line above the figure.
+    overwrite
+        Replace the picture if it exists.
+    """
+    from sixflow.cli.figures import check_figure, staged_figure
+    from sixflow.write import open_field
+
+    output = check_figure(output, overwrite)
+    with open_field(field) as opened:
+        import sixflow.field.accessor  # noqa: F401 - registers Dataset.sixflow
+        from sixflow.field.selection import require_field
+        from sixflow.plot import plot_field
+
+        shown = require_field(opened, str(field))
+        if calibration:
+            shown = shown.sixflow.calibrate(**calibration)
+        options: dict[str, Any] = {"arrows": arrows, "glyphs": glyphs, "exaggerate": exaggerate, "title": title}
+        background = None if frame is None else _read_frame(frame, shown, time)
+        with staged_figure(output) as partial:
+            plot_field(
+                shown,
+                background,
+                time=time,
+                y_up=y_up,
+                units=units,
+                path=partial,
+                standard_errors=standard_errors,
+                **options,
+            )
+    print(output)
+
+
+def _read_frame(path: str, field: xr.Dataset, time: int) -> Any:
+    """Return the reference frame of a pair from an image, or from the recording that was measured.
+
+    Raises
+    ------
+    InputError
+        If the field has no such pair, or the recording no such frame.
+    """
+    from itertools import islice
+
+    from sixflow.errors import InputError
+    from sixflow.field.selection import one_pair
+    from sixflow.frames import open_frames
+
+    pair, source = one_pair(field, time), open_frames(path)
+    number = int(pair["frame0"]) if len(source) > 1 and "frame0" in pair.coords else 0
+    if number >= len(source):
+        raise InputError(f"--frame {path}: {len(source)} frames, but the pair begins with frame {number}")
+    return next(islice(source.iterate(number), 1))

@@ -1,0 +1,63 @@
+"""Tally: what was measured, added up pair by pair, for the closing lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sixflow.field.dataset import FLAGS, SIX
+from sixflow.field.selection import flagged, valid
+
+
+class Tally:
+    """Points, valid points, flags, standard errors and notes of the pairs measured so far."""
+
+    def __init__(self) -> None:
+        self.pairs = self.points = self.valid = 0
+        self.flags = dict.fromkeys(FLAGS, 0)
+        self.notes: dict[str, None] = {}
+        self._errors: list[NDArray[np.float64]] = []
+
+    def add(self, field: xr.Dataset) -> None:
+        """Count the field of one more pair."""
+        known = valid(field)
+        self.pairs += 1
+        self.points += known.size
+        self.valid += int(known.sum())
+        for name in FLAGS:
+            self.flags[name] += int(flagged(field, name).sum())
+        self.notes.update(dict.fromkeys(field.attrs["notes"].splitlines()))
+        variances = np.diagonal(field["covariance"].values, axis1=-2, axis2=-1)[known.values]
+        if variances.size:
+            self._errors.append(np.median(np.sqrt(variances), axis=0))
+
+    def describe(self, pairs: int, seconds: float) -> str:
+        """Return what was measured in a line, and the median standard errors in another.
+
+        Parameters
+        ----------
+        pairs : int
+            Pairs of the whole recording; those that were not counted here were complete before.
+        seconds : float
+            Time it took.
+
+        Notes
+        -----
+        The medians of a recording are those of the pairs' medians.
+        """
+        text = f"{pairs} pair{'s' * (pairs != 1)}"
+        if self.pairs < pairs:
+            text += f", {self.pairs} of them now"
+        if self.pairs:
+            text += f", {self.points:,} points, {100 * self.valid / self.points:.1f} % valid"
+        text += f", {seconds:.2f} s"
+        if self._errors:
+            numbers = zip(SIX, np.median(self._errors, axis=0), strict=True)
+            parts = [f"{name} {value:.2g}{' px' * (name in 'uv')}" for name, value in numbers]
+            text += f"\nmedian standard errors: {', '.join(parts)}"
+        return text
+
+    def main_flag(self) -> str:
+        """Return the flag that most points have."""
+        return max(self.flags, key=lambda name: self.flags[name])
