@@ -66,7 +66,7 @@ def on_border(field):
     return field.flag.values[0] == FLAGS["border"]
 
 
-def depth(field, size=None):
+def depth(field):
     """Distance of every grid point from the border of the frame, px."""
     height, width = field.attrs["frame_shape"]
     x, y = np.meshgrid(field.x, field.y)

@@ -93,10 +93,7 @@ def blend(maps, grid, shape):
     nodes_x, nodes_y = x0 + step * np.arange(columns, dtype=float), y0 + step * np.arange(rows, dtype=float)
     y, x = (np.arange(size, dtype=float) for size in shape)
     return np.stack(
-        [
-            hermite_surface(nodes_x, nodes_y, maps[k], maps[2 + 2 * k], maps[3 + 2 * k], x, y)
-            for k in range(2)
-        ]
+        [hermite_surface(nodes_x, nodes_y, maps[k], maps[2 + 2 * k], maps[3 + 2 * k], x, y) for k in range(2)]
     )
 
 
@@ -134,7 +131,9 @@ def warp(reference, moved, maps, grid, plane, degree, total, noise, *, valid0=No
         column = np.clip(np.floor(np.where(inside, to_x, 0)).astype(int), 0, width - 1)
         row = np.clip(np.floor(np.where(inside, to_y, 0)).astype(int), 0, height - 1)
         inside &= valid1[row, column]
-    warped = np.where(inside, interpolate(moved, np.where(inside, to_x, 0), np.where(inside, to_y, 0), degree), np.nan)
+    warped = np.where(
+        inside, interpolate(moved, np.where(inside, to_x, 0), np.where(inside, to_y, 0), degree), np.nan
+    )
     lit = warped if light is None else (warped - light[1]) / light[0]
     r = lit - reference
     if valid0 is not None:
@@ -196,7 +195,9 @@ def symmetric(moments):
 
 def maps_of(theta, sigma):
     """(u, v, u_x, u_y, v_x, v_y) of θ = (u, σu_x, σu_y, v, σv_x, σv_y)."""
-    return np.array([theta[0], theta[3], theta[1] / sigma, theta[2] / sigma, theta[4] / sigma, theta[5] / sigma])
+    return np.array(
+        [theta[0], theta[3], theta[1] / sigma, theta[2] / sigma, theta[4] / sigma, theta[5] / sigma]
+    )
 
 
 def unknowns_of(maps, sigma):
@@ -242,7 +243,9 @@ def median_outliers(maps, step, reach, floor, limit):
     for j, i in np.ndindex(rows, columns):
         for k in range(2):
             guesses = []
-            for dj, di in [(a, b) for a in (-reach, 0, reach) for b in (-reach, 0, reach) if (a, b) != (0, 0)]:
+            for dj, di in [
+                (a, b) for a in (-reach, 0, reach) for b in (-reach, 0, reach) if (a, b) != (0, 0)
+            ]:
                 if 0 <= j + dj < rows and 0 <= i + di < columns:
                     there = maps[:, j + dj, i + di]
                     guesses.append(there[k] - step * (there[2 + 2 * k] * di + there[3 + 2 * k] * dj))
@@ -255,7 +258,7 @@ def median_outliers(maps, step, reach, floor, limit):
 
 
 def window_sums(product, sigma, x, y, power=1):
-    """Moments 1, X, Y, X², XY, Y² of one image under the windows at the crossings of x and y; shape (rows, columns, 6)."""
+    """Moments 1, X, Y, X², XY, Y² of one image under windows at the crossings of x and y; (rows, columns, 6)."""
     matrices = []
     for size, centres in zip(product.shape, (y, x), strict=True):
         scaled = (np.arange(size) - np.asarray(centres)[:, None]) / sigma
@@ -268,7 +271,7 @@ def window_sums(product, sigma, x, y, power=1):
 
 
 def cramer_rao(gx, gy, sigma, x, y, noise):
-    """Smallest covariance of the six under a weighted window: H⁻¹ (Σ w² 2 noise² J Jᵀ) H⁻¹, g the pattern's own gradient."""
+    """Smallest covariance of the six under a weighted window: H⁻¹ (Σ w² 2 noise² J Jᵀ) H⁻¹."""
     products = gx * gx, gx * gy, gy * gy
     normal = np.concatenate([window_sums(p, sigma, x, y) for p in products], axis=-1)
     meat = np.concatenate([window_sums(2 * noise**2 * p, sigma, x, y, 2) for p in products], axis=-1)

@@ -1,9 +1,9 @@
 """The Hermite interpolant and the blend against SciPy's cubic Hermite splines."""
 
-import naive
 import numpy as np
 import pytest
 
+import naive
 from sixflow.engine.blend import blend_row, hermite_basis, twist_of
 from sixflow.engine.hermite import HermiteSurface, make_stencil, slopes_along
 
@@ -41,7 +41,9 @@ def test_blend(dtype, case):
     maps[2:] /= grid[2]
     exact = naive.blend(maps, grid, shape)
     scale = 8 * (1 + np.abs(exact).max())
-    np.testing.assert_allclose(blended(maps, grid, shape, dtype), exact, atol=16 * np.finfo(dtype).eps * scale)
+    np.testing.assert_allclose(
+        blended(maps, grid, shape, dtype), exact, atol=16 * np.finfo(dtype).eps * scale
+    )
 
 
 @pytest.mark.parametrize("case", GRIDS)
@@ -109,7 +111,9 @@ def test_unknown_nodes_spoil_only_what_needs_them():
     X, Y = np.meshgrid(x, y)
     values = 0.5 * X - 0.25 * Y
     values[2, 3] = np.nan
-    surface = HermiteSurface(x, y, values=values, slopes_x=np.full_like(X, 0.5), slopes_y=np.full_like(X, -0.25))
+    surface = HermiteSurface(
+        x, y, values=values, slopes_x=np.full_like(X, 0.5), slopes_y=np.full_like(X, -0.25)
+    )
     wanted = np.linspace(-3, 23, 53)
     fast = surface.on_grid(wanted, wanted)
     near_x, near_y = np.abs(wanted - 12) < 4, np.abs(wanted - 8) < 4
@@ -124,7 +128,9 @@ def test_slopes_beside_unknown_samples():
     nodes = np.arange(7.0)
     nan = np.nan
     np.testing.assert_allclose(slopes_along(nodes**2, nodes, 0), 2 * nodes)
-    np.testing.assert_allclose(slopes_along(np.array([0, 2, 4, nan, 8, nan, 12]), nodes, 0)[[0, 1, 2, 4]], [2, 2, 2, 0])
+    np.testing.assert_allclose(
+        slopes_along(np.array([0, 2, 4, nan, 8, nan, 12]), nodes, 0)[[0, 1, 2, 4]], [2, 2, 2, 0]
+    )
     np.testing.assert_array_equal(slopes_along(np.ones((3, 1)), np.zeros(1), 1), np.zeros((3, 1)))
 
 

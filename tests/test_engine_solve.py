@@ -1,9 +1,9 @@
 """Normal equations and covariance against NumPy's linear algebra and numerical integrals."""
 
-import naive
 import numpy as np
 import pytest
 
+import naive
 from sixflow.engine.solve import (
     FEEDBACK_STEP,
     covariance_strip,
@@ -58,10 +58,16 @@ def test_singular_equations_give_nan():
     rng = np.random.default_rng(2)
     gx, q = rng.normal(size=(2, 40, 40))
     grid = (20, 20, 8)
-    one_way = naive.moments([gx * gx, 0 * gx, 0 * gx, gx * q, 0 * q], [3, 3, 3, 2, 2], SIGMA, grid, (1, 1))[0, 0]
-    oblique = naive.moments([gx * gx, gx * gx, gx * gx, gx * q, gx * q], [3, 3, 3, 2, 2], SIGMA, grid, (1, 1))[0, 0]
+    one_way = naive.moments([gx * gx, 0 * gx, 0 * gx, gx * q, 0 * q], [3, 3, 3, 2, 2], SIGMA, grid, (1, 1))[
+        0, 0
+    ]
+    oblique = naive.moments(
+        [gx * gx, gx * gx, gx * gx, gx * q, gx * q], [3, 3, 3, 2, 2], SIGMA, grid, (1, 1)
+    )[0, 0]
     gy = rng.normal(size=(40, 40))
-    sound = naive.moments([gx * gx, gx * gy, gy * gy, gx * q, gy * q], [3, 3, 3, 2, 2], SIGMA, grid, (1, 1))[0, 0]
+    sound = naive.moments([gx * gx, gx * gy, gy * gy, gx * q, gy * q], [3, 3, 3, 2, 2], SIGMA, grid, (1, 1))[
+        0, 0
+    ]
     moments[0, 1], moments[0, 2], moments[0, 3] = one_way, oblique, sound
     out = np.empty((6, 1, 4))
     solve_strip(moments, SIGMA, 0, 1, out)
@@ -104,7 +110,9 @@ def test_covariance(normal, dtype):
     rng = np.random.default_rng(5)
     gx, gy, r = rng.normal(size=(3, 40, 150))
     products = [r * r * gx * gx, r * r * gx * gy, r * r * gy * gy]
-    sandwich = naive.moments(products, [3, 3, 3], SIGMA, GRID.origin_and_step, GRID.shape, power=2).astype(dtype)
+    sandwich = naive.moments(products, [3, 3, 3], SIGMA, GRID.origin_and_step, GRID.shape, power=2).astype(
+        dtype
+    )
     gamma = rng.uniform(0, 0.15, GRID.shape)
     rho = FEEDBACK_STEP * (rng.integers(-100, 600, GRID.shape) + 0.5)
     transform = naive.six_transform(SIGMA)
@@ -116,7 +124,9 @@ def test_covariance(normal, dtype):
         exact = naive.covariance(moments[j, i], sandwich[j, i], gamma[j, i], entry, transform)
         spread = np.sqrt(np.diagonal(exact))
         limit = 1e-4 + 8 * np.finfo(dtype).eps
-        np.testing.assert_allclose(fast[j, i] / np.outer(spread, spread), exact / np.outer(spread, spread), atol=limit)
+        np.testing.assert_allclose(
+            fast[j, i] / np.outer(spread, spread), exact / np.outer(spread, spread), atol=limit
+        )
         np.testing.assert_array_equal(fast[j, i], fast[j, i].T)
 
 

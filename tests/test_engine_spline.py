@@ -1,9 +1,9 @@
 """Filters and splines against dense matrices and SciPy."""
 
-import naive
 import numpy as np
 import pytest
 
+import naive
 from sixflow.engine.fir import downsample, filter_separable
 from sixflow.engine.fir import mirror as fast_mirror
 from sixflow.engine.spline import PAD, gradient_noise, noise_variance, spline_coefficients, spline_weights
@@ -18,7 +18,9 @@ def rounding(dtype, scale, operations=32):
 
 def test_mirror():
     for size in (1, 2, 3, 7):
-        assert [fast_mirror(k, size) for k in range(-20, 21)] == [naive.mirror(k, size) for k in range(-20, 21)]
+        assert [fast_mirror(k, size) for k in range(-20, 21)] == [
+            naive.mirror(k, size) for k in range(-20, 21)
+        ]
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -31,14 +33,18 @@ def test_filter(dtype, shape, pad, stride):
     fast = filter_separable(image, half, pad=pad, stride=stride)
     assert fast.dtype == dtype
     scale = np.abs(half).sum() ** 2 * 4 * np.abs(image).max()
-    np.testing.assert_allclose(fast, naive.filter_separable(image, half, pad, stride), atol=rounding(dtype, scale))
+    np.testing.assert_allclose(
+        fast, naive.filter_separable(image, half, pad, stride), atol=rounding(dtype, scale)
+    )
 
 
 def test_filter_of_non_contiguous_images():
     image = np.random.default_rng(2).normal(size=(40, 60))
     half = np.array([0.5, 0.25])
     for view in (image.T, image[::2, ::-1], image[5:30, 7:31]):
-        np.testing.assert_allclose(filter_separable(view, half), naive.filter_separable(view, half), atol=1e-14)
+        np.testing.assert_allclose(
+            filter_separable(view, half), naive.filter_separable(view, half), atol=1e-14
+        )
 
 
 def test_downsample_keeps_affine_images_inside():

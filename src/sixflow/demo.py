@@ -135,10 +135,12 @@ class DemoResult:
         Share of valid points.
     seconds_per_pair : float
         Mean time of a measurement, kernels compiled.
+    settings : Settings
+        Of the measurement.
     rows : tuple of Comparison
         In the order u, v, divergence, curl, stretch, shear.
     files : dict of Path to str
-        What was written, with a few words on each.
+        What was written, with a few words on each; the frames first.
     """
 
     shape: tuple[int, int]
@@ -146,6 +148,7 @@ class DemoResult:
     points: int
     valid: float
     seconds_per_pair: float
+    settings: Settings
     rows: tuple[Comparison, ...]
     files: dict[Path, str]
 
@@ -173,7 +176,7 @@ def run_demo(
     with tempfile.TemporaryDirectory(dir=folder, prefix=".partial-") as partial:
         place = Path(partial)
         made = sequence(PATTERN, MOTION, SHAPE, PAIRS + 1, sensor=CAMERA)
-        tifffile.imwrite(place / "frames.tif", made.frames, imagej=True)
+        tifffile.imwrite(place / "frames.tif", made.frames, photometric="minisblack")
         field, seconds = _measure(open_frames(place / "frames.tif"), progress)
         truth = true_six(made, field)
         write_field(field, place / "field.nc")
@@ -188,6 +191,7 @@ def run_demo(
         points=known.size,
         valid=float(known.mean()),
         seconds_per_pair=seconds / PAIRS,
+        settings=SETTINGS,
         rows=compare(field, truth),
         files={folder / name: what for name, what in FILES.items()},
     )
@@ -281,6 +285,7 @@ def _draw_profile(upper: Axes, lower: Axes, field: xr.Dataset, truth: Array, nam
     tidy(upper, title=f"{name} ({unit}) along row {y}", x_label="", y_label="")
     upper.legend(fontsize=FONT, frameon=False, labelcolor=INK, loc="upper left")
     upper.tick_params(labelbottom=False)
+    lower.sharex(upper)
     lower.axhline(0, color=REFERENCE, linewidth=1)
     lower.errorbar(
         x, measured - truth[0, row, :, number], bars, fmt="o", markersize=2, color=ARROW, elinewidth=0.7

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from cyclopts import App
 
@@ -13,26 +13,42 @@ from sixflow.cli.info import info
 from sixflow.cli.measure import measure
 from sixflow.cli.plot import plot
 
-EXAMPLES = {
-    "sixflow": (
-        "sixflow measure A.tif B.tif -o field.nc",
-        "sixflow plot field.nc -o field.png --frame A.tif",
-        "sixflow demo",
-    ),
-    "measure": (
-        "sixflow measure A.tif B.tif -o field.nc --window 31 --step 8 --plot field.png",
-        "sixflow measure recording.mp4 -o field.zarr --settings settings.toml --mask mask.png",
-        "sixflow measure recording.mp4 -o field.zarr --settings settings.toml --mask mask.png --resume",
-        "sixflow measure 'run/A_*.tif' -o field.nc --pairs first --lighting gain+offset",
-    ),
-    "plot": (
-        "sixflow plot field.nc -o field.png --frame A.tif",
-        "sixflow plot field.zarr -o field.pdf --time 12 --units physical --pixel-size 0.05 --frame-interval 0.001",
-    ),
-    "info": ("sixflow info recording.mp4", "sixflow info field.nc"),
-    "demo": ("sixflow demo", "sixflow demo --output /tmp/vortex --overwrite"),
+USAGE = {
+    "measure": "sixflow measure FRAMES... -o FIELD [OPTIONS]",
+    "plot": "sixflow plot FIELD -o PICTURE [OPTIONS]",
+    "info": "sixflow info FILE",
+    "demo": "sixflow demo [OPTIONS]",
 }
-"""Command lines that can be copied; each is shown by the `--help` of its command."""
+
+EXAMPLES = {
+    "sixflow": """
+  sixflow demo
+  sixflow measure A.tif B.tif -o field.nc
+  sixflow plot field.nc -o field.png --frame A.tif
+""",
+    "measure": """
+  sixflow measure A.tif B.tif -o field.nc --window 41 --plot field.png
+  sixflow measure recording.mp4 -o field.zarr --mask mask.png
+  sixflow measure recording.mp4 -o field.zarr --mask mask.png --resume
+  sixflow measure 'run/A_*.tif' -o field.nc --settings settings.toml
+  sixflow measure run -o field.nc --pairs first --lighting gain+offset
+""",
+    "plot": """
+  sixflow plot field.nc -o field.png --frame A.tif
+  sixflow plot field.zarr -o field.pdf --frame recording.mp4 --time 12
+  sixflow plot field.nc -o rates.png --units physical --y-up \\
+      --pixel-size 0.05 --frame-interval 0.001
+""",
+    "info": """
+  sixflow info recording.mp4
+  sixflow info field.nc
+""",
+    "demo": """
+  sixflow demo
+  sixflow demo --output vortex --overwrite
+""",
+}
+"""Command lines that can be copied, short enough not to be wrapped; each `--help` shows its own."""
 
 
 def build_app() -> App:
@@ -44,11 +60,14 @@ def build_app() -> App:
             "displacement (u, v), divergence, curl, stretch and shear."
         ),
         help_epilogue=_epilogue("sixflow"),
+        help_format="plaintext",
         version=_version,
         suppress_keyboard_interrupt=False,
     )
-    for command in (measure, plot, info, demo):
-        app.command(command, help_epilogue=_epilogue(command.__name__))
+    commands: tuple[Callable[..., None], ...] = (measure, plot, info, demo)
+    for place, command in enumerate(commands):
+        name = command.__name__
+        app.command(command, help_epilogue=_epilogue(name), usage=f"Usage: {USAGE[name]}", sort_key=place)
     return app
 
 
@@ -83,8 +102,7 @@ def _version() -> str:
 
 
 def _epilogue(command: str) -> str:
-    lines = "\n\n".join(f"  {line}" for line in EXAMPLES[command])
-    return f"Examples:\n\n{lines}\n\n--debug shows the traceback of an error."
+    return f"Examples:\n{EXAMPLES[command]}\n--debug, with any command, shows the traceback of an error."
 
 
 def _forgive_encoding() -> None:

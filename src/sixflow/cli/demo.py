@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
+from sixflow.cli.flags import Output, Switch
 from sixflow.cli.progress import announce_compilation, progress
+from sixflow.cli.settings_flags import flag
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -17,8 +19,8 @@ if TYPE_CHECKING:
 
 def demo(
     *,
-    output: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("sixflow-demo"),
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    output: Output = Path("sixflow-demo"),
+    overwrite: Switch = False,
 ) -> None:
     """Measure a vortex whose six numbers are known exactly, and compare the errors with the predicted ones.
 
@@ -42,18 +44,31 @@ def demo(
     console.print(describe(result), end="\n\n")
     console.print(comparison(result), end="\n\n")
     for path, what in result.files.items():
-        print(f"{path}  {what}")
+        print(f"{path}: {what}")
+    print(f"\nMeasure it with other settings:\n  {command_line(result)}")
 
 
 def describe(result: DemoResult) -> str:
     """Return what was measured, in a few lines."""
     height, width = result.shape
+    rate = result.points / result.pairs / result.seconds_per_pair
     return (
-        f"A vortex carried by a stream: {result.pairs} pairs of {width}×{height} px, {result.points:,} points, "
-        f"{100 * result.valid:.1f} % valid.\n"
-        f"Time per pair: {1e3 * result.seconds_per_pair:.0f} ms "
-        f"({result.points / result.pairs / result.seconds_per_pair:,.0f} points/s)."
+        f"A vortex carried by a stream: {result.pairs} pairs of {width}×{height} px\n"
+        f"{result.points:,} points, {100 * result.valid:.1f} % valid, "
+        f"{1e3 * result.seconds_per_pair:.0f} ms per pair ({rate:,.0f} points/s)"
     )
+
+
+def command_line(result: DemoResult) -> str:
+    """Return the command that measures the frames of the demo as the demo did."""
+    frames = next(iter(result.files))
+    changed = {
+        field.name: value
+        for field in dataclasses.fields(result.settings)
+        if (value := getattr(result.settings, field.name)) != field.default
+    }
+    flags = " ".join(f"{flag(name)} {value:g}" for name, value in changed.items())
+    return f"sixflow measure {shlex.quote(str(frames))} -o {shlex.quote(str(frames.with_name('other.nc')))} {flags}"
 
 
 def comparison(result: DemoResult) -> Table:
@@ -61,9 +76,16 @@ def comparison(result: DemoResult) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    table = Table(box=SIMPLE_HEAD, title="Errors against the exact truth", title_justify="left")
+    table = Table(box=SIMPLE_HEAD, title="errors against the exact truth", title_justify="left")
     table.add_column("number", style="bold")
-    for heading in ("largest\ntruth", "rms\nerror", "predicted\nstd. error", "ratio", "within\n1 σ", "within\n1.96 σ"):
+    for heading in (
+        "largest\ntruth",
+        "rms\nerror",
+        "predicted\nstd. error",
+        "ratio",
+        "within\n1 σ",
+        "within\n1.96 σ",
+    ):
         table.add_column(heading, justify="right")
     table.add_column("unit")
     for row in result.rows:

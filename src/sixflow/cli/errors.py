@@ -37,7 +37,7 @@ def report(error: BaseException, debug: bool = False) -> int:
     if debug:
         traceback.print_exception(error)
     if isinstance(error, KeyboardInterrupt):
-        say("interrupted" if _notes(error) else "interrupted; nothing was written")
+        say("interrupted" if _notes(error) else "interrupted; the output was not written")
     else:
         say(f"error: {_message(error)}")
     for note in _notes(error):

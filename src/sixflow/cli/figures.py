@@ -26,7 +26,9 @@ def check_figure(path: Path, overwrite: bool) -> Path:
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: a figure ends in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}")
     if not path.parent.is_dir():
-        raise FieldFileError(f"{path}: the folder {str(path.parent)!r} does not exist; create it, or choose another")
+        raise FieldFileError(
+            f"{path}: the folder {str(path.parent)!r} does not exist; create it, or choose another"
+        )
     if not os.access(path.parent, os.W_OK):
         raise FieldFileError(f"{path}: the folder {str(path.parent)!r} cannot be written to; choose another")
     if path.is_dir():

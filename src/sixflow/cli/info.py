@@ -49,7 +49,9 @@ def describe_frames(source: FrameSource) -> str:
     finite = first[np.isfinite(first)]
     lines = [source.description]
     if finite.size:
-        lines.append(f"grey        {finite.min():g} to {finite.max():g} in the first frame, mean {finite.mean():.4g}")
+        lines.append(
+            f"grey        {finite.min():g} to {finite.max():g} in the first frame, mean {finite.mean():.4g}"
+        )
     times = source.times
     if times is None:
         lines.append("times       not recorded; give --frame-interval for rates per second")

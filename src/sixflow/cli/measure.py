@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 from cyclopts import Parameter
 
 from sixflow.cli.errors import say
+from sixflow.cli.flags import Output, Switch
 from sixflow.cli.progress import announce_compilation, progress
 from sixflow.cli.settings_flags import SettingsFlags, gather_settings
 from sixflow.errors import InputError, MeasurementError
@@ -35,15 +36,15 @@ def measure(
     frames: Annotated[tuple[str, ...], Parameter(name="FRAMES")],
     /,
     *,
-    output: Annotated[Path, Parameter(name=("--output", "-o"))],
+    output: Output,
     flags: Annotated[SettingsFlags | None, Parameter(name="*")] = None,
     settings: Path | None = None,
     mask: Path | None = None,
     pairs: Pairs = "consecutive",
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    resume: Annotated[bool, Parameter(negative="")] = False,
+    overwrite: Switch = False,
+    resume: Switch = False,
     plot: Path | None = None,
-    quiet: Annotated[bool, Parameter(name=("--quiet", "-q"), negative="")] = False,
+    quiet: Annotated[Switch, Parameter(name=("--quiet", "-q"))] = False,
 ) -> None:
     """Measure the six-parameter flow field of a pair of frames, or of a recording.
 
@@ -58,7 +59,7 @@ def measure(
     output
         The field: .nc (netCDF-4), .zarr (a folder, for long recordings) or .csv (a table).
     settings
-        TOML file of settings, such as `window = 41`. Flags win over the file, the file over the defaults.
+        TOML file of settings, with lines such as: window = 41. Flags win over it.
     mask
         Image of the frames' size: non-zero where to measure.
     pairs
@@ -165,7 +166,9 @@ def read_mask(path: Path) -> NDArray[np.bool_]:
     from sixflow.frames import open_frames
 
     if path.suffix.lower() in (".jpg", ".jpeg"):
-        raise InputError(f"mask {path}: JPEG compression disturbs the zeros of a mask; save it as PNG or TIFF")
+        raise InputError(
+            f"mask {path}: JPEG compression disturbs the zeros of a mask; save it as PNG or TIFF"
+        )
     source = open_frames(path)
     if len(source) != 1:
         raise InputError(f"mask {path}: {len(source)} frames; give an image of one")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from sixflow.cli.flags import Output, Switch
 from sixflow.cli.settings_flags import CalibrationFlags
+from sixflow.errors import InputError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -17,18 +21,18 @@ def plot(
     field: Annotated[Path, Parameter(name="FIELD")],
     /,
     *,
-    output: Annotated[Path, Parameter(name=("--output", "-o"))],
+    output: Output,
     frame: str | None = None,
     time: int = 0,
-    y_up: Annotated[bool, Parameter(negative="")] = False,
+    y_up: Switch = False,
     units: Literal["px", "physical"] = "px",
     arrows: int = 28,
     glyphs: int = 16,
     exaggerate: float | None = None,
-    standard_errors: bool = True,
+    standard_errors: Annotated[bool, Parameter(show_default=False)] = True,
     title: str | None = None,
     calibration: Annotated[CalibrationFlags | None, Parameter(name="*")] = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    overwrite: Switch = False,
 ) -> None:
     """Draw one pair of a field: arrows, deformation, maps of the six numbers and of their standard errors.
 
@@ -53,7 +57,7 @@ def plot(
     exaggerate
         Factor on the deformation of the squares; chosen, and stated in the picture, if not given.
     standard_errors
-        Draw the standard errors beside the numbers.
+        Draw the standard errors beside the numbers, or leave them out.
     title
         Line above the figure.
     overwrite
@@ -71,9 +75,14 @@ def plot(
         shown = require_field(opened, str(field))
         if calibration:
             shown = shown.sixflow.calibrate(**calibration)
-        options: dict[str, Any] = {"arrows": arrows, "glyphs": glyphs, "exaggerate": exaggerate, "title": title}
+        options: dict[str, Any] = {
+            "arrows": arrows,
+            "glyphs": glyphs,
+            "exaggerate": exaggerate,
+            "title": title,
+        }
         background = None if frame is None else _read_frame(frame, shown, time)
-        with staged_figure(output) as partial:
+        with _in_flags(units), staged_figure(output) as partial:
             plot_field(
                 shown,
                 background,
@@ -87,6 +96,17 @@ def plot(
     print(output)
 
 
+@contextlib.contextmanager
+def _in_flags(units: str) -> Iterator[None]:
+    """Add to an error of physical units which flags give the calibration."""
+    try:
+        yield
+    except InputError as error:
+        if units == "physical":
+            error.add_note("the calibration can be given by --pixel-size, --length-unit and --frame-interval")
+        raise
+
+
 def _read_frame(path: str, field: xr.Dataset, time: int) -> Any:
     """Return the reference frame of a pair from an image, or from the recording that was measured.
 
@@ -95,9 +115,6 @@ def _read_frame(path: str, field: xr.Dataset, time: int) -> Any:
     InputError
         If the field has no such pair, or the recording no such frame.
     """
-    from itertools import islice
-
-    from sixflow.errors import InputError
     from sixflow.field.selection import one_pair
     from sixflow.frames import open_frames
 
@@ -105,4 +122,4 @@ def _read_frame(path: str, field: xr.Dataset, time: int) -> Any:
     number = int(pair["frame0"]) if len(source) > 1 and "frame0" in pair.coords else 0
     if number >= len(source):
         raise InputError(f"--frame {path}: {len(source)} frames, but the pair begins with frame {number}")
-    return next(islice(source.iterate(number), 1))
+    return next(source.iterate(number))

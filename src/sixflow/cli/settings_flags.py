@@ -25,23 +25,27 @@ def settings_help() -> dict[str, str]:
     """
     from docstring_parser.numpydoc import parse
 
-    texts = {part.arg_name: " ".join((part.description or "").split()) for part in parse(Settings.__doc__ or "").params}
+    texts = {
+        part.arg_name: " ".join((part.description or "").split())
+        for part in parse(Settings.__doc__ or "").params
+    }
     return {name: _with_flags(text) for name, text in texts.items()}
 
 
 def _with_flags(text: str) -> str:
     """Write names of settings as the flags that they are here."""
     for field in dataclasses.fields(Settings):
-        text = text.replace(f"`{field.name}`", _flag(field.name))
+        text = text.replace(f"`{field.name}`", flag(field.name))
     return text
 
 
-def _flag(name: str) -> str:
+def flag(name: str) -> str:
+    """Return a setting's flag, such as --pixel-size."""
     return "--" + name.replace("_", "-")
 
 
 def _flags(title: str, names: tuple[str, ...] | None = None) -> Any:
-    """Return a typed dictionary whose keys are settings, each with its flag."""
+    """Return a typed dictionary whose keys are the settings, or those of them that are named."""
     hints, texts = get_type_hints(Settings), settings_help()
     group = Group.create_ordered(title)
     keys = {
@@ -50,13 +54,14 @@ def _flags(title: str, names: tuple[str, ...] | None = None) -> Any:
             Parameter(
                 help=texts[field.name],
                 group=group,
-                show_default=False if field.default is None else str(field.default),
+                show_default=False if names or field.default is None else str(field.default),
             ),
         ]
         for field in dataclasses.fields(Settings)
         if names is None or field.name in names
     }
-    return TypedDict("SettingsFlags", keys, total=False)  # type: ignore[misc]
+    functional: Any = TypedDict  # whose keys a type checker would want to see in the source
+    return functional("SettingsFlags", keys, total=False)
 
 
 if TYPE_CHECKING:
@@ -76,4 +81,10 @@ def gather_settings(flags: SettingsOptions | None, file: Path | None) -> Setting
         If the file cannot be read, or a value is out of range.
     """
     settings = Settings() if file is None else Settings.from_toml(file.expanduser())
-    return settings.replace(**(flags or {}))
+    given = {name: _plain(value) for name, value in (flags or {}).items()}
+    return settings.replace(**given)
+
+
+def _plain(value: Any) -> Any:
+    """Return 41 for 41.0: settings from flags are then stored as those from a file or from Python are."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value

@@ -50,7 +50,11 @@ class Tally:
         if self.pairs < pairs:
             text += f", {self.pairs} of them now"
         if self.pairs:
-            text += f", {self.points:,} points, {100 * self.valid / self.points:.1f} % valid"
+            masked, wanted = self.flags["masked"], self.points - self.flags["masked"]
+            text += f", {self.points:,} points, " + f"{100 * masked / self.points:.1f} % masked, " * (
+                masked > 0
+            )
+            text += f"{100 * self.valid / max(1, wanted):.1f} % {'of the others ' * (masked > 0)}valid"
         text += f", {seconds:.2f} s"
         if self._errors:
             numbers = zip(SIX, np.median(self._errors, axis=0), strict=True)

@@ -1,0 +1,182 @@
+"""Search finds the basin, passes find the fixed point: capture range, convergence, stopping."""
+
+import numpy as np
+import pytest
+
+import measured
+from sixflow import measure
+from sixflow.grid import Grid
+from sixflow.normalise import NO_MASK, Frame
+from sixflow.refine import Passes, Workspace, refine
+from sixflow.search import finer, level_count, search
+from sixflow.settings import Settings
+from sixflow.synth import Affine, Sensor, Speckle, pair
+
+
+def frames_of(made, dtype=np.float64):
+    return [Frame((frame - 128).astype(dtype), NO_MASK) for frame in (made.frame0, made.frame1)]
+
+
+def true_maps(made, grid):
+    x, y = np.meshgrid(grid.x, grid.y)
+    six = made.truth(x, y)
+    G = made.motion.gradient(x, y)
+    return np.stack([six[..., 0], six[..., 1], G[..., 0, 0], G[..., 0, 1], G[..., 1, 0], G[..., 1, 1]])
+
+
+@pytest.mark.parametrize(
+    ("shape", "window", "levels", "expected"),
+    [
+        ((256, 256), 31, None, 3),
+        ((31, 900), 31, None, 0),
+        ((40, 40), 31, None, 0),
+        ((256, 256), 31, 5, 5),
+        ((5, 5), 5, 0, 0),
+    ],
+)
+def test_level_count(shape, window, levels, expected):
+    assert level_count(shape, Settings(window=window, levels=levels)) == expected
+
+
+@pytest.mark.parametrize("shape", [(64, 64), (61, 90), (33, 200)])
+def test_affine_maps_go_from_level_to_level_exactly(shape):
+    small = Grid.over(((shape[0] + 1) // 2, (shape[1] + 1) // 2), 8)
+    large = Grid.over(shape, 7)
+    plane = np.array([1.5, -0.5, 0.02, -0.01, 0.03, 0.04])
+    # pixel (j, i) of the small frame is (2j, 2i) of the large one: displacements double, gradients stay
+    doubled = plane * [2, 2, 1, 1, 1, 1]
+    np.testing.assert_allclose(finer(small.plane(plane), small, large, 2.0), large.plane(doubled), atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "six",
+    [
+        (0, 0, 0, 0, 0, 0),
+        (25.3, -18.7, 0, 0, 0, 0),
+        (-60.2, 31.1, 0, 0, 0, 0),
+        (0.4, 0.3, 0.16, 0, 0, 0),
+        (0.4, 0.3, 0, 0.2, 0, 0),
+        (0.4, 0.3, 0, 0, 0.14, 0.1),
+        (6.0, -5.0, 0.05, 0.08, -0.04, 0.03),
+    ],
+)
+def test_large_motion_is_found(six):
+    made = pair(Speckle(seed=2), measured.affine(six, (256, 256)), (256, 256), sensor=Sensor(noise=2))
+    field = measure(made.frame0, made.frame1)
+    x, y = np.meshgrid(field.x, field.y)
+    u, v = np.moveaxis(made.truth(x, y)[..., :2], -1, 0)
+    stays = (
+        (np.minimum(x, x + u) > 16)
+        & (np.maximum(x, x + u) < 239)
+        & (np.minimum(y, y + v) > 16)
+        & (np.maximum(y, y + v) < 239)
+    )
+    assert measured.failed(field)[stays].mean() < 0.01
+    kept = stays & ~measured.failed(field)
+    z = (measured.errors(field, made) / measured.standard_errors(field))[kept]
+    assert np.abs(z).max() < 7
+
+
+def test_the_start_is_within_reach():
+    made = pair(Speckle(seed=2), Affine.rotation(0.08, (127, 127)), (256, 256))
+    grid, settings = Grid.over((256, 256), 8), Settings()
+    reference, moved = frames_of(made)
+    start = search(reference, moved, grid, settings, Workspace())
+    assert start.shape == (6, *grid.shape)
+    assert np.isfinite(start).all()
+    error = np.hypot(*(start - true_maps(made, grid))[:2])
+    assert np.quantile(error, 0.95) < 1.5
+
+
+def test_search_of_nothing_is_no_motion():
+    flat = Frame(np.zeros((128, 128), np.float32), NO_MASK)
+    grid = Grid.over((128, 128), 8)
+    np.testing.assert_array_equal(search(flat, flat, grid, Settings(), Workspace()), 0)
+
+
+@pytest.mark.parametrize("levels", [0, 1, 4, 8, 12])
+def test_the_number_of_levels_changes_nothing_for_small_motion(levels):
+    frames = measured.noisy(measured.ideal("speckle", 0, 128), 2)
+    usual, other = measure(*frames), measure(*frames, levels=levels)
+    inside = measured.complete(usual) & measured.complete(other)
+    assert inside.sum() > 0.9 * measured.complete(usual).sum()
+    difference = (measured.six_of(usual) - measured.six_of(other))[inside]
+    assert np.abs(difference / measured.standard_errors(usual)[inside]).max() < 0.3
+
+
+class TestPasses:
+    @staticmethod
+    def passes(made, **options):
+        grid = Grid.over(made.frame0.shape, 8)
+        return Passes(*frames_of(made), grid, Settings(**options), Workspace()), grid
+
+    @pytest.mark.parametrize("noise", [0, 3])
+    def test_the_fixed_point_does_not_depend_on_the_start(self, noise):
+        made = measured.ideal("speckle", 1, 128)
+        made = pair(made.pattern, made.motion, (128, 128), sensor=Sensor(noise=noise))
+        passes, grid = self.passes(made)
+        rng = np.random.default_rng(1)
+        ends = []
+        for _ in range(2):
+            # redundant directions as well: values and slopes of neighbours that contradict each other
+            maps = (
+                true_maps(made, grid)
+                + rng.normal(0, 0.2, (6, 1, 1)) * np.array([1, 1, 0.03, 0.03, 0.03, 0.03])[:, None, None]
+            )
+            maps[2:] += rng.normal(0, 0.01, maps[2:].shape)
+            for _ in range(25):
+                maps = passes.solve(maps)
+            ends.append(maps)
+        np.testing.assert_allclose(ends[0][:2], ends[1][:2], atol=1e-7)
+        np.testing.assert_allclose(ends[0][2:], ends[1][2:], atol=1e-8)
+
+    def test_truth_is_the_fixed_point_without_noise(self):
+        made = measured.ideal("speckle", 1, 160)
+        passes, grid = self.passes(made)
+        truth = true_maps(made, grid)
+        step = passes.solve(truth) - truth
+        deep = np.minimum.outer(np.minimum(grid.y, 159 - grid.y), np.minimum(grid.x, 159 - grid.x)) >= 48
+        assert np.abs(step[:2][:, deep]).max() < 1e-4
+        assert np.abs(step[2:][:, deep]).max() < 1e-5
+
+    def test_an_increment_pass_at_the_truth_changes_nothing(self):
+        made = measured.ideal("speckle", 1, 160)
+        passes, grid = self.passes(made)
+        truth = true_maps(made, grid)
+        step = passes.solve(truth, total=False) - truth
+        deep = np.minimum.outer(np.minimum(grid.y, 159 - grid.y), np.minimum(grid.x, 159 - grid.x)) >= 48
+        assert np.abs(step[:2][:, deep]).max() < 1e-4
+
+    def test_refine_ends_at_the_fixed_point(self):
+        made = measured.ideal("texture", 1, 128)
+        made = pair(made.pattern, made.motion, (128, 128), sensor=Sensor(noise=2))
+        passes, grid = self.passes(made, tolerance=1e-3, passes=20)
+        maps, quality, left = refine(passes, np.zeros((6, *grid.shape)))
+        exact = maps.copy()
+        for _ in range(20):
+            exact = passes.solve(exact)
+        distance = np.hypot(*(maps - exact)[:2])
+        assert np.quantile(distance, 0.95) < 1e-3
+        assert np.median(left) < 1e-3
+        assert np.isfinite(quality.covariance).all()
+
+    def test_more_passes_do_not_raise_the_noise(self):
+        made = pair(
+            Speckle(seed=1), measured.affine(measured.SMALL, (192, 192)), (192, 192), sensor=Sensor(noise=4)
+        )
+        passes, grid = self.passes(made)
+        truth = true_maps(made, grid)
+        maps, spreads = truth, []
+        for k in range(24):
+            maps = passes.solve(maps)
+            if k in (3, 23):
+                spreads.append(np.sqrt(((maps - truth) ** 2)[:, 3:-3, 3:-3].mean(axis=(1, 2))))
+        np.testing.assert_allclose(spreads[1], spreads[0], rtol=0.02)
+
+
+def test_a_workspace_is_used_again():
+    workspace = Workspace()
+    first = workspace.array("a", (4, 5), np.float32)
+    assert workspace.array("a", (2, 5), np.float32).base is first.base
+    assert workspace.array("a", (2, 5), np.float64).dtype == np.float64
+    assert workspace.nbytes == 80
