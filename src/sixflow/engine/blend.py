@@ -107,3 +107,24 @@ def hermite_basis(step: int, basis: NDArray[Any]) -> None:
     """Weights of `hermite` at the `step` pixels of a cell, shape (4, step)."""
     for t in range(step):
         basis[0, t], basis[1, t], basis[2, t], basis[3, t] = hermite(t / step)
+
+
+@kernel
+def blend_strip(
+    maps: NDArray[Any],
+    twist: NDArray[Any],
+    x0: int,
+    y0: int,
+    step: int,
+    start: int,
+    stop: int,
+    u: NDArray[Any],
+    v: NDArray[Any],
+) -> None:
+    """Dense displacement of the rows start … stop into u and v, shape (height, width)."""
+    basis = np.empty((4, step), maps.dtype)
+    line = np.empty((2, maps.shape[2]), maps.dtype)
+    hermite_basis(step, basis)
+    for y in range(start, stop):
+        blend_row(maps[0], maps[2], maps[3], twist[0], x0, y0, step, y, basis, line, u[y])
+        blend_row(maps[1], maps[4], maps[5], twist[1], x0, y0, step, y, basis, line, v[y])

@@ -12,6 +12,7 @@ average.
 | g_x q, g_y q | 1, X, Y each, under w | normal equations, 18 … 23 |
 | r²g_x², r²g_x g_y, r²g_y² | 1, X, Y, X², XY, Y² each, under w² | sandwich, 0 … 17 |
 | 1, ∣r∣, r², I₀, I₀² | 1 each, under w | statistics, 0 … 4 |
+| 1; u, v | 1, X, Y, X², XY, Y²; 1, X, Y each, under w | affine fit of a displacement, 0 … 11 |
 """
 
 from __future__ import annotations
@@ -274,5 +275,42 @@ def statistics_strip(
                 i1[x] = n[x] * grey[x]
             _multiply(a[: end - tile], a, products[2, y - low])
             _multiply(i1[: end - tile], i1, products[4, y - low])
+        _column_sums(products, orders, weights, low, high, grid, start, stop, tile, end - tile, columns)
+    _finish(columns, orders, weights, grid, start, stop, out)
+
+
+@kernel
+def affine_moments_strip(
+    valid: NDArray[Any],
+    u: NDArray[Any],
+    v: NDArray[Any],
+    weights: NDArray[Any],
+    grid: tuple[int, int, int],
+    start: int,
+    stop: int,
+    out: NDArray[Any],
+) -> None:
+    """Window sums of 1 (six moments), u and v (moments 1, X, Y each) where valid is 1, grid rows start … stop.
+
+    Parameters
+    ----------
+    valid, u, v : arrays, shape (height, width)
+        `valid` is 1 or 0.
+    weights : array, shape (3, 2 reach + 1)
+    grid : (x0, y0, step)
+    out : array, shape (grid rows, grid columns, 12)
+    """
+    height, width = u.shape
+    low, high = _rows_needed(height, grid, weights.shape[1] // 2, start, stop)
+    orders = np.array([3, 2, 2])
+    columns = np.empty((stop - start, 7, width), u.dtype)
+    products = np.empty((3, high - low, min(_TILE, width)), u.dtype)
+    for tile in range(0, width, _TILE):
+        end = min(tile + _TILE, width)
+        for y in range(low, high):
+            counted = valid[y][tile:end]
+            _multiply(counted, counted, products[0, y - low])
+            _multiply(counted, u[y][tile:end], products[1, y - low])
+            _multiply(counted, v[y][tile:end], products[2, y - low])
         _column_sums(products, orders, weights, low, high, grid, start, stop, tile, end - tile, columns)
     _finish(columns, orders, weights, grid, start, stop, out)
