@@ -1,19 +1,20 @@
 """Sharpen: finer resolution of the same window, without the bias of the pattern.
 
-A window's affine fit answers a displacement of wave number k with M = exp(−k²σ²/2). Sharpening by n raises this to
-T = 1 − (1 − M)^(n+1) = Q M, with Q = Σ_j (1 − M)^j for j = 0 … n. But the fit weighs the displacement with the texture that
-happens to lie in the window: its operator is M̃ = M + P, and P U, the pattern-induced bias, is different at every point and does
-not vanish with sharpening. In the gradients, it would even stay for ever: a gradient that contradicts the displacements around it leaves
+A window's affine fit answers a displacement of wave number k with M = exp(−k²σ²/2). Sharpening by n
+raises this to T = 1 − (1 − M)^(n+1) = Q M, with Q = Σ_j (1 − M)^j for j = 0 … n. But the fit weighs the
+displacement with the texture that happens to lie in the window: its operator is M̃ = M + P, and P U,
+the pattern-induced bias, is different at every point and does not vanish with sharpening. In the
+gradients, it would even stay for ever: a gradient that contradicts the displacements around it leaves
 no trace in a dense field that the windows see.
 
-M itself, the same fit with a uniform texture, can be computed on the field. So each pass here takes the dense displacement U, fits what
-it leaves in the frames, Δ = M̃(U* − U), and forms
+M itself, the same fit with a uniform texture, can be computed on the field. So each pass here takes the
+dense displacement U, fits what it leaves in the frames, Δ = M̃(U* − U), and forms
 
     U ← T U + Q Δ = Q (M U + Δ).
 
-The fixed point is T U* + Q P (1 − T) U*: the response is T whatever the texture, and the pattern acts on what T misses alone. Noise
-is Q M̃ n, as in theory (`engine.window.sharpening_noise`), and the number of passes does not depend on n. Windows that are cut by a
-border or a mask are cut in M too.
+The fixed point is T U* + Q P (1 − T) U*: the response is T whatever the texture, and the pattern acts
+on what T misses alone. Noise is Q M̃ n, as in theory (`engine.window.sharpening_noise`), and the number
+of passes does not depend on n. Windows that are cut by a border or a mask are cut in M too.
 
 | symbol | name |
 |---|---|
@@ -42,7 +43,8 @@ _STRIP = 16
 class UniformWindow:
     """The window's affine fit of a displacement field, as it would be with a uniform texture.
 
-    The sums run over a lattice of spacing h, the largest divisor of the step that samples the Gaussian finely (h ≤ σ/2).
+    The sums run over a lattice of spacing h, the largest divisor of the step that samples the Gaussian
+    finely (h ≤ σ/2).
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""How kernels are compiled: cached on disk, without Python's lock, free to reorder sums but not to ignore NaN."""
+"""How kernels are compiled: cached on disk, without Python's lock, free to reorder sums but not to
+ignore NaN.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,8 @@ def compiled_now() -> int:
 
 
 def needs_compiling(dtype: str = "float32") -> bool:
-    """Tell whether most kernels have no machine code on disk for images of a type: the first measurement will take long.
+    """Tell whether most kernels have no machine code on disk for images of a type: the first
+    measurement will take long.
 
     Parameters
     ----------
@@ -38,7 +41,9 @@ def needs_compiling(dtype: str = "float32") -> bool:
 
 
 def _is_stored(compiled: Any, dtype: str) -> bool:
-    """Look for a kernel in the index that numba keeps; where there is none to look into, expect no compilation."""
+    """Look for a kernel in the index that numba keeps; where there is none to look into, expect no
+    compilation.
+    """
     load = getattr(getattr(getattr(compiled, "_cache", None), "_cache_file", None), "_load_index", None)
     if load is None:
         return True

@@ -98,8 +98,10 @@ def filter_separable(
 
     Examples
     --------
-    >>> filter_separable(np.eye(3), np.array([0.5, 0.25]))[1]
-    array([0.25 , 0.375, 0.25 ])
+    >>> point = np.zeros((5, 5))
+    >>> point[2, 2] = 1
+    >>> filter_separable(point, np.array([0.5, 0.25]))[2]
+    array([0.   , 0.125, 0.25 , 0.125, 0.   ])
     """
     height, width = image.shape
     shape = tuple(-(-(size + 2 * pad) // stride) for size in (height, width))
