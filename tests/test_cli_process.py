@@ -13,6 +13,7 @@ import tifffile
 import xarray as xr
 
 from sixflow.cli import main
+from sixflow.cli.progress import is_shown, progress
 from sixflow.engine.compiler import needs_compiling
 from test_cli import QUICK, load, make_frames, place  # noqa: F401
 
@@ -77,7 +78,15 @@ def test_terminal_shows_progress(place, monkeypatch):  # noqa: F811
     assert "39/39" in shown
     assert "pairs/s" in shown
     assert "left" in shown
-    assert on_terminal("measure", "long.tif", "-o", "field.nc", "--overwrite", "--quiet", *QUICK) == ""
+
+
+def test_quiet_shows_no_progress(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert is_shown(quiet=False)
+    assert not is_shown(quiet=True)
+    with progress(3, quiet=True) as advance:
+        advance()
+    assert capsys.readouterr().err == ""
 
 
 def start(*arguments):
@@ -111,7 +120,7 @@ def test_interrupted_recording_goes_on(place, capsys):  # noqa: F811
     command = ["measure", "long.tif", "-o", "field.nc", *QUICK]
     assert main(command) == 2
     assert "unfinished recording; continue it with" in capsys.readouterr().err
-    assert main([*command, "--resume", "--window", "25"]) == 2
+    assert main([*command, "--resume", "--sharpen", "1"]) == 2
     assert "the recording began with settings" in capsys.readouterr().err
     assert main(["measure", "A.tif", "B.tif", "-o", "field.nc", "--resume", *QUICK]) == 2
     assert "the recording began with frames" in capsys.readouterr().err

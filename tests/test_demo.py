@@ -84,6 +84,6 @@ def test_command_prints_table_and_places(result, folder, capsys):
     assert main(["demo", "--output", str(folder / "new"), "--overwrite"]) == 0
     out, err = capsys.readouterr()
     assert err == ""
-    for text in (*SIX, "ratio", "1.96 σ", "ms per pair", "truth.png", "--window 25 --sharpen 3"):
+    for text in (*SIX, "ratio", "1.96 σ", "ms per pair", "truth.png", "--sharpen 2"):
         assert text in out
     assert main(["demo", "--output", str(folder / "new")]) == 2

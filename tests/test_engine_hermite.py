@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import naive
-from sixflow.engine.blend import blend_row, hermite_basis, twist_of
+from sixflow.engine.blend import blend_row, blend_strip, hermite_basis, twist_of
 from sixflow.engine.hermite import HermiteSurface, make_stencil, slopes_along
 
 GRIDS = [
@@ -58,6 +58,15 @@ def test_blend_reproduces_affine_maps(case):
     u, v = blended(maps, grid, shape, np.float64)
     np.testing.assert_allclose(u, 1 + 0.01 * X - 0.02 * Y, atol=1e-13)
     np.testing.assert_allclose(v, 2 + 0.03 * X + 0.005 * Y, atol=1e-13)
+
+
+def test_strips_are_rows():
+    grid, shape = (3, 2, 8), (39, 50)
+    maps = np.random.default_rng(1).normal(size=(6, 5, 6))
+    u, v = np.empty((2, *shape))
+    for start in range(0, 39, 10):
+        blend_strip(maps, twist_of(maps, 8), *grid, start, min(start + 10, 39), u, v)
+    np.testing.assert_array_equal([u, v], blended(maps, grid, shape, np.float64))
 
 
 def test_blend_is_of_fourth_order():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import naive
-from sixflow.engine.moments import moments_strip, sandwich_strip, statistics_strip
+from sixflow.engine.moments import affine_moments_strip, moments_strip, sandwich_strip, statistics_strip
 from sixflow.engine.window import moment_weights
 from sixflow.grid import Grid
 
@@ -65,6 +65,16 @@ def test_statistics(dtype, shape, step, sigma):
     fast = strips(statistics_strip, (grey, r), sigma, grid, 5, dtype)
     products = [known, abs(r0), r0 * r0, known * grey, known * grey * grey]
     assert_close(fast, products, [1] * 5, sigma, grid, dtype)
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize(("shape", "step", "sigma"), CASES)
+def test_affine_fit_of_a_displacement(dtype, shape, step, sigma):
+    grid = Grid.over(shape, step)
+    u, v, _ = images(shape, dtype)
+    valid = (np.random.default_rng(2).random(shape) > 0.1).astype(dtype)
+    fast = strips(affine_moments_strip, (valid, u, v), sigma, grid, 12, dtype)
+    assert_close(fast, [valid, valid * u, valid * v], [3, 2, 2], sigma, grid, dtype)
 
 
 def test_strips_do_not_matter():

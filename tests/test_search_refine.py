@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 import measured
+import naive
 from sixflow import measure
 from sixflow.grid import Grid
 from sixflow.normalise import NO_MASK, Frame
 from sixflow.refine import Passes, Workspace, refine
 from sixflow.search import finer, level_count, search
 from sixflow.settings import Settings
+from sixflow.sharpen import UniformWindow
 from sixflow.synth import Affine, Sensor, Speckle, pair
 
 
@@ -180,3 +182,47 @@ def test_a_workspace_is_used_again():
     assert workspace.array("a", (2, 5), np.float32).base is first.base
     assert workspace.array("a", (2, 5), np.float64).dtype == np.float64
     assert workspace.nbytes == 80
+
+
+def lattice_fit(u, counted, sigma, x, y):
+    """(value, x-slope, y-slope) of the weighted affine fit of a dense displacement at one point."""
+    w, X, Y = naive.window(sigma, u.shape, x, y)
+    root = np.sqrt(w * counted).ravel()
+    columns = np.stack([np.ones(u.size), sigma * X.ravel(), sigma * Y.ravel()], axis=1)
+    return np.linalg.lstsq(columns * root[:, None], root * u.ravel(), rcond=None)[0]
+
+
+def test_uniform_window_is_the_affine_fit_of_the_blend():
+    grid, sigma = Grid.over((40, 50), 1), 3.0  # so that the fit's lattice is that of the pixels
+    counted = np.random.default_rng(1).random((40, 50)) > 0.2
+    counted[:, 37:] = False
+    maps = np.random.default_rng(2).normal(size=(6, *grid.shape))
+    fitted = UniformWindow(grid, sigma, counted).fit(maps)
+    dense = naive.blend(maps, grid.origin_and_step, (40, 50))
+    for x, y in [(0, 0), (20, 20), (39, 10), (49, 39), (41, 20)]:
+        for k in range(2):
+            exact = lattice_fit(dense[k], counted, sigma, x, y)
+            place = [k, 2 + 2 * k, 3 + 2 * k]
+            if x == 49:  # nothing of the window is left
+                exact = maps[place, y, x]
+            np.testing.assert_allclose(fitted[place, y, x], exact, atol=1e-9)
+
+
+@pytest.mark.parametrize("period", [30, 60, 120])
+@pytest.mark.parametrize("sharpen", [0, 1, 4])
+def test_uniform_window_answers_waves_by_theory(period, sharpen):
+    grid, sigma = Grid.over((61, 400), 4), 8.7
+    k = 2 * np.pi / period
+    x = np.broadcast_to(grid.x, grid.shape).astype(float)
+    zero = np.zeros(grid.shape)
+    maps = np.stack([np.cos(k * x), zero, -k * np.sin(k * x), zero, zero, zero])
+    window = UniformWindow(grid, sigma, np.ones((61, 400), bool))
+    M = np.exp(-((k * sigma) ** 2) / 2)
+    answered = window.deconvolve(window.fit(maps), sharpen)[..., 30:-30]
+    # where the borders, which reach further in with every fit, are far; cutting the window at 3.5 σ leaves 0.002
+    response = 1 - (1 - M) ** (sharpen + 1)
+    for plane in (0, 2):
+        wave = maps[plane][..., 30:-30]
+        seen = (answered[plane] * wave).sum() / (wave**2).sum()
+        assert seen == pytest.approx(response, abs=5e-3 * (sharpen + 1))
+    assert np.abs(answered[1]).max() < 1e-9

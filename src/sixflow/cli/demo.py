@@ -24,7 +24,7 @@ def demo(
 ) -> None:
     """Measure a vortex whose six numbers are known exactly, and compare the errors with the predicted ones.
 
-    A recording of particle images is rendered and saved as a TIFF stack, measured, and drawn.
+    A recording is rendered and saved as a TIFF stack, measured, and drawn.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def demo(
     console.print(comparison(result), end="\n\n")
     for path, what in result.files.items():
         print(f"{path}: {what}")
-    print(f"\nMeasure it with other settings:\n  {command_line(result)}")
+    print(f"\nMeasure it again, with settings of your own:\n  {command_line(result)}")
 
 
 def describe(result: DemoResult) -> str:

@@ -196,5 +196,5 @@ def _require_some(tally: Tally, output: Path) -> None:
     if tally.pairs and not tally.valid:
         raise MeasurementError(
             f"none of the {tally.points} points could be measured; most are flagged {tally.main_flag()!r}: "
-            f"see the flags in {output}, and try a larger --window"
+            f"see the flags in {output}, and try a larger --window or another --lighting"
         )
