@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.hermite import HermiteSurface
+from sixflow.engine.blend import resample_strip, twist_of
+from sixflow.engine.threads import over_strips
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
 from sixflow.refine import Passes, Workspace, typical
@@ -123,10 +124,11 @@ def _centred(frame: Frame) -> NDArray[Any]:
 
 def finer(maps: NDArray[Any], grid: Grid, target: Grid, factor: float) -> NDArray[np.float64]:
     """Take maps from a coarse level's grid to a grid on a level `factor` times as fine."""
-    surface = HermiteSurface(grid.x, grid.y, values=maps[:2], slopes_x=maps[[2, 4]], slopes_y=maps[[3, 5]])
-    x, y = target.x / factor, target.y / factor
     out = np.empty((6, *target.shape))
-    out[:2] = factor * surface.on_grid(x, y)
-    out[[2, 4]] = surface.on_grid(x, y, along_x=True)
-    out[[3, 5]] = surface.on_grid(x, y, along_y=True)
+    twist = twist_of(maps, grid.step)
+    place = (target.x0 / factor, target.y0 / factor, target.step / factor)
+    over_strips(
+        lambda a, b: resample_strip(maps, twist, grid.origin_and_step, place, a, b, out), target.rows, 16
+    )
+    out[:2] *= factor
     return out

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.engine.compiler import kernel
-from sixflow.engine.hermite import slopes_along
 
 
 def twist_of(maps: NDArray[Any], step: float) -> NDArray[Any]:
@@ -38,9 +37,22 @@ def twist_of(maps: NDArray[Any], step: float) -> NDArray[Any]:
     -------
     array, shape (2, rows, columns), 1/px; 0 where the grid has a single row or column
     """
-    slopes_x, slopes_y = maps[[2, 4]], maps[[3, 5]]
-    nodes_x, nodes_y = (step * np.arange(size, dtype=maps.dtype) for size in maps.shape[:0:-1])
-    return (slopes_along(slopes_x, nodes_y, -2) + slopes_along(slopes_y, nodes_x, -1)) / 2
+    return (_slopes(maps[[2, 4]], -2) + _slopes(maps[[3, 5]], -1)) / (2 * step)
+
+
+def _slopes(planes: NDArray[Any], axis: int) -> NDArray[Any]:
+    """Differences per grid point: central, at the edges one-sided, both of second order
+    (`hermite.slopes_along`, without NaN).
+    """
+    planes = np.moveaxis(planes, axis, -1)
+    slopes = np.zeros_like(planes)
+    if planes.shape[-1] > 2:
+        slopes[..., 1:-1] = (planes[..., 2:] - planes[..., :-2]) / 2
+        slopes[..., 0] = 2 * planes[..., 1] - 1.5 * planes[..., 0] - 0.5 * planes[..., 2]
+        slopes[..., -1] = 1.5 * planes[..., -1] - 2 * planes[..., -2] + 0.5 * planes[..., -3]
+    elif planes.shape[-1] == 2:
+        slopes[:] = planes[..., 1:] - planes[..., :1]
+    return np.moveaxis(slopes, -1, axis)
 
 
 @kernel
@@ -128,3 +140,67 @@ def blend_strip(
     for y in range(start, stop):
         blend_row(maps[0], maps[2], maps[3], twist[0], x0, y0, step, y, basis, line, u[y])
         blend_row(maps[1], maps[4], maps[5], twist[1], x0, y0, step, y, basis, line, v[y])
+
+
+@kernel
+def resample_strip(
+    maps: NDArray[Any],
+    twist: NDArray[Any],
+    grid: tuple[int, int, int],
+    target: tuple[float, float, float],
+    start: int,
+    stop: int,
+    out: NDArray[Any],
+) -> None:
+    """Value and gradient of the blend at the points of another grid, rows start … stop of `out`, shape
+    (6, rows, columns).
+
+    `target` is (first column, first row, spacing) in pixels of the grid's own frame; nothing lies far
+    beyond the grid.
+    """
+    x0, y0, step = grid
+    rows, columns = maps.shape[1:]
+    for j in range(start, stop):
+        row, b, db = _cell(target[1] + j * target[2] - y0, step, rows)
+        below = min(row + 1, rows - 1)
+        for i in range(out.shape[2]):
+            column, a, da = _cell(target[0] + i * target[2] - x0, step, columns)
+            beside = min(column + 1, columns - 1)
+            for k in range(2):
+                value, slope_x, slope_y = maps[k], maps[2 + 2 * k], maps[3 + 2 * k]
+                total, along, across = 0.0, 0.0, 0.0
+                for n in range(4):
+                    y, x = (row if n < 2 else below), (column if n % 2 == 0 else beside)
+                    f, fx, fy, fxy = value[y, x], slope_x[y, x], slope_y[y, x], twist[k, y, x]
+                    p, q = 2 * (n // 2), 2 * (n % 2)
+                    low = a[q] * f + a[q + 1] * fx
+                    high = a[q] * fy + a[q + 1] * fxy
+                    total += b[p] * low + b[p + 1] * high
+                    across += db[p] * low + db[p + 1] * high
+                    along += b[p] * (da[q] * f + da[q + 1] * fx) + b[p + 1] * (da[q] * fy + da[q + 1] * fxy)
+                out[k, j, i], out[2 + 2 * k, j, i], out[3 + 2 * k, j, i] = total, along, across
+
+
+@kernel
+def _cell(
+    offset: float, step: int, count: int
+) -> tuple[int, tuple[float, float, float, float], tuple[float, float, float, float]]:
+    """Node before an offset from the first node, Hermite weights there and their derivatives; slopes
+    per pixel.
+
+    Beyond the nodes the straight line through the last.
+    """
+    end = (count - 1) * step
+    inside = min(max(offset, 0.0), end)
+    node = min(int(inside // step), max(count - 2, 0))
+    t = inside / step - node
+    a, b, c, d = hermite(t)
+    slope = (6 * t * (t - 1) / step, (1 - t) * (1 - 3 * t), 6 * t * (1 - t) / step, t * (3 * t - 2))
+    beyond = offset - inside
+    value = (
+        a + beyond * slope[0],
+        step * b + beyond * slope[1],
+        c + beyond * slope[2],
+        step * d + beyond * slope[3],
+    )
+    return node, value, slope
