@@ -36,16 +36,24 @@ def bspline(distance, degree):
 
 
 def spline_coefficients(image, degree, pad):
-    """Solve for the coefficients whose spline goes through every pixel; mirrored beyond the borders."""
+    """Solve for the coefficients whose spline goes through every pixel of the extended image."""
     samples = bspline(np.arange((degree + 1) // 2), degree)
+    image = extended(image)
     down, across = (np.linalg.inv(filter_matrix(samples, size, 0)) for size in image.shape)
-    coefficients = down @ image.astype(float) @ across.T
-    rows, columns = ([mirror(k, size) for k in range(-pad, size + pad)] for size in image.shape)
-    return coefficients[np.ix_(rows, columns)]
+    cut = slice(FAR - pad, pad - FAR)
+    return (down @ image @ across.T)[cut, cut]
+
+
+FAR = 60
+
+
+def extended(image):
+    """Image continued point-symmetrically about its border pixels, by more than the spline's memory."""
+    return np.pad(image.astype(float), FAR, mode="reflect", reflect_type="odd")
 
 
 def interpolate(image, x, y, degree):
-    return map_coordinates(image.astype(float), [y, x], order=degree, mode="mirror")
+    return map_coordinates(extended(image), [y + FAR, x + FAR], order=degree, mode="mirror")
 
 
 def interpolation_noise(fraction, degree):
@@ -136,11 +144,12 @@ def warp(reference, moved, maps, grid, plane, degree, total, noise, *, valid0=No
     )
     lit = warped if light is None else (warped - light[1]) / light[0]
     r = lit - reference
+    mean = np.where(np.isfinite(r), (reference + lit) / 2, reference)
     if valid0 is not None:
-        r = np.where(valid0, r, np.nan)
-    known = np.isfinite(r)
-    mean = reference + np.where(known, r, 0) / 2
+        mean, r = np.where(valid0, mean, lit), np.where(valid0, r, np.nan)
     gx, gy = differentiate(mean, 1), differentiate(mean, 0)
+    r = np.where(np.isfinite(gx) & np.isfinite(gy), r, np.nan)
+    known = np.isfinite(r)
     q = (gx * u + gy * v if total else 0) - r
     variance = noise(to_x - np.floor(to_x)) * noise(to_y - np.floor(to_y))
     return {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -192,10 +193,18 @@ def test_every_flag_reaches_the_settings(field):
 # sixflow plot
 
 
+@pytest.fixture(scope="session")
+def measured(tmp_path_factory):
+    """Return a field file of three pairs of the recording."""
+    folder = tmp_path_factory.mktemp("measured")
+    tifffile.imwrite(folder / "recording.tif", make_frames(4), photometric="minisblack")
+    assert run(["measure", f"{folder}/recording.tif", "-o", f"{folder}/field.nc", "-q", *QUICK]) == 0
+    return folder / "field.nc"
+
+
 @pytest.fixture
-def field_file(place):
-    assert run(["measure", "recording.tif", "-o", "field.nc", "-q", *QUICK]) == 0
-    return place / "field.nc"
+def field_file(place, measured):
+    return Path(shutil.copy(measured, place))
 
 
 def test_plot_writes_a_picture(field_file, capsys):

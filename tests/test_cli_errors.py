@@ -10,12 +10,12 @@ import pytest
 import tifffile
 
 from sixflow.cli.errors import report
-from test_cli import QUICK, field_file, make_frames, place, run  # noqa: F401
+from test_cli import QUICK, field_file, make_frames, measured, place, run  # noqa: F401
 
 BAD_INPUT = {
     "measure A.tif B.tif": "--output",
     "measure -o field.nc": "FRAMES",
-    "measure A.tif B.tif -o field.nc --windw 3": "--windw. Did you mean --window",
+    "measure A.tif B.tif -o field.nc --windw 3": "Did you mean",
     "measure A.tif B.tif -o field.nc --window wide": "--window",
     "measure A.tif B.tif -o field.nc --pairs all": "consecutive",
     "measure A.tif B.tif -o field.nc --step 0": "step=0: must be a whole number",
@@ -103,9 +103,9 @@ def test_folder_without_permission(place, capsys):  # noqa: F811
     assert "cannot be written to" in capsys.readouterr().err
 
 
-def test_flags_error_names_the_help(capsys):
+def test_error_of_a_flag_names_the_help(capsys):
     assert run("plot --tim 3") == 2
-    assert capsys.readouterr().err.rstrip().endswith("; see sixflow plot --help")
+    assert capsys.readouterr().err.rstrip().endswith("See sixflow plot --help")
 
 
 def test_nothing_measured_is_1_but_written(place, capsys):  # noqa: F811

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import naive
-from sixflow.engine.fir import downsample, filter_separable
-from sixflow.engine.fir import mirror as fast_mirror
+from sixflow.engine.fir import downsample, filter_separable, reflect
 from sixflow.engine.spline import PAD, gradient_noise, noise_variance, spline_coefficients, spline_weights
 from sixflow.engine.warp import DERIVATIVE
 
@@ -16,11 +15,16 @@ def rounding(dtype, scale, operations=32):
     return operations * np.finfo(dtype).eps * scale
 
 
-def test_mirror():
-    for size in (1, 2, 3, 7):
-        assert [fast_mirror(k, size) for k in range(-20, 21)] == [
-            naive.mirror(k, size) for k in range(-20, 21)
-        ]
+@pytest.mark.parametrize("kind", ["even", "odd"])
+@pytest.mark.parametrize("size", [2, 3, 7])
+def test_reflect(size, kind):
+    line = np.random.default_rng(0).normal(size=size)
+    padded = np.pad(line, 20, mode="reflect", reflect_type=kind)
+    for k in range(-20, size + 20):
+        place, sign, first, last = reflect(k, size, kind == "odd")
+        assert sign * line[place] + first * line[0] + last * line[-1] == pytest.approx(
+            padded[k + 20], abs=1e-12
+        )
 
 
 @pytest.mark.parametrize("dtype", DTYPES)

@@ -126,15 +126,12 @@ def test_masks(degree):
     grid, *images = scene((33, 41), 8, np.float64)
     reference, moved, maps, plane = images
     rng = np.random.default_rng(3)
-    valid0, valid1 = rng.random((2, 33, 41)) > 0.05
+    valid0, valid1 = rng.random((2, 33, 41)) > 0.01
     arguments = reference, moved, maps, grid, plane, degree, True
-    fast = run(*arguments, valid0=valid0, valid1=valid1)
-    exact = slow(*arguments, valid0=valid0, valid1=valid1)
-    np.testing.assert_array_equal(np.isnan(fast["residual"]), np.isnan(exact["residual"]))
-    known = ~np.isnan(exact["residual"])
-    np.testing.assert_allclose(fast["residual"][known], exact["residual"][known], atol=1e-12)
-    for name in ("gradient_x", "gradient_y", "right"):
-        np.testing.assert_array_equal(fast[name][~known], 0)
+    masks = {"valid0": valid0, "valid1": valid1}
+    exact = slow(*arguments, **masks)
+    assert 0.05 < np.isnan(exact["residual"]).mean() < 0.9
+    assert_same(run(*arguments, **masks), exact, np.float64)
 
 
 def test_lighting():

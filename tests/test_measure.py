@@ -201,10 +201,6 @@ def test_a_full_mask_is_no_mask(made, field):
         assert_close(measure(made.frame0, made.frame1, mask=full), field)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the gradient of pixels within 4 px of the mask is taken from the grey values under it",
-)
 def test_nothing_under_the_mask_counts(made, mask):
     rng = np.random.default_rng(1)
     plain = measure(made.frame0, made.frame1, mask=mask)
@@ -249,14 +245,7 @@ def scene():
     return measured.ideal("speckle", 2, 192)
 
 
-INFECTED = pytest.mark.xfail(
-    strict=True,
-    reason="pixels without a partner are NaN in the warped frame, and 0 · NaN spoils every window that holds one: "
-    "gain and offset become NaN, and with every pass more pixels",
-)
-
-
-@pytest.mark.parametrize("lighting", [pytest.param("gain+offset", marks=INFECTED), "local"])
+@pytest.mark.parametrize("lighting", ["gain+offset", "local"])
 def test_gain_and_offset_are_removed(scene, lighting):
     frame0, frame1 = measured.noisy(scene, 2)
     plain = measure(frame0, frame1, lighting=lighting)
@@ -268,7 +257,7 @@ def test_gain_and_offset_are_removed(scene, lighting):
     assert np.abs(change).max() < 0.5
 
 
-@pytest.mark.parametrize("lighting", ["none", pytest.param("gain+offset", marks=INFECTED), "local"])
+@pytest.mark.parametrize("lighting", ["none", "gain+offset", "local"])
 def test_errors_in_steady_light(scene, lighting):
     field = measure(*measured.noisy(scene, 3), lighting=lighting)
     assert measured.failed(field).mean() < 0.02
@@ -307,10 +296,10 @@ def test_frozen_numbers():
     np.testing.assert_array_equal(field.flag.values[0], [[2, 2, 2], [2, 0, 2], [2, 2, 2]])
     values = measured.six_of(field)
     # float32 holds positions of 64 px to 4e-6 px and their slopes to that over σ
-    np.testing.assert_allclose(values[1, 1, :2], [1.3985375, -0.7142296], atol=2e-5)
-    np.testing.assert_allclose(values[1, 1, 2:], [0.0100085, 0.0202529, -0.0099044, 0.0152179], atol=2e-6)
-    u = [[1.451427, 1.458463, 1.455985], [1.3998, 1.398538, 1.395314], [1.331148, 1.341475, 1.326733]]
+    np.testing.assert_allclose(values[1, 1, :2], [1.3985606, -0.7142320], atol=2e-5)
+    np.testing.assert_allclose(values[1, 1, 2:], [0.0100235, 0.0202526, -0.0099005, 0.0152202], atol=2e-6)
+    u = [[1.461716, 1.458888, 1.464176], [1.40286, 1.398561, 1.404849], [1.339607, 1.341441, 1.34045]]
     np.testing.assert_allclose(values[..., 0], u, atol=2e-5)
-    spread = [0.00115373, 0.00119372, 0.000131977, 0.000133021, 0.000126195, 0.000132207]
+    spread = [0.00115444, 0.00119319, 0.000131927, 0.000133125, 0.000126379, 0.000132211]
     np.testing.assert_allclose(measured.standard_errors(field)[1, 1], spread, rtol=1e-3)
-    assert float(field.noise[0, 1, 1]) == pytest.approx(0.296864, rel=1e-3)
+    assert float(field.noise[0, 1, 1]) == pytest.approx(0.296100, rel=1e-3)

@@ -214,22 +214,14 @@ def test_half_of_the_moved_frame_missing():
     assert np.abs(z).max() < 6
 
 
-OVERFLOW = pytest.mark.xfail(
-    strict=True,
-    raises=RuntimeWarning,
-    reason="frames are cast to float32 unscaled: NumPy's overflow warnings get out",
-)
-
-
-@pytest.mark.parametrize(
-    "scale", [1e-30, 1e-12, 1e12, pytest.param(1e30, marks=OVERFLOW), pytest.param(1e300, marks=OVERFLOW)]
-)
+@pytest.mark.parametrize("scale", [1e-300, 1e-30, 1e-12, 1e12, 1e30, 1e300])
 def test_extreme_grey_values(scale):
-    """Grey values may be in any unit, as far as single precision goes; beyond, points are flagged."""
+    """Grey values may be in any unit."""
     made = measured.ideal("speckle", 5, 128)
     field = measure(made.frame0 * scale, made.frame1 * scale)
     kept = ~measured.failed(field)
-    assert np.abs(measured.errors(field, made)[kept]).max(initial=0) < 0.05
+    assert kept.mean() > 0.9
+    assert np.abs(measured.errors(field, made)[kept]).max() < 0.05
 
 
 def test_single_bright_pixels_do_no_harm_elsewhere():

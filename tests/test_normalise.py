@@ -143,16 +143,10 @@ def test_flat_images_stay_finite():
     assert not flat[:, :15].any()
 
 
-@pytest.mark.xfail(
-    strict=True, reason="rounding of the local mean is taken for contrast: the floor is relative to it alone"
-)
 def test_a_flat_image_that_is_not_zero_has_no_contrast():
     np.testing.assert_array_equal(flatten_lighting(np.full((20, 20), 3.0), NO_MASK, 4.0), 0)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the image inherits the layout of a transposed frame, and kernels are compiled anew"
-)
 @pytest.mark.parametrize("frame", [np.asfortranarray(checker((6, 8))), checker((8, 6)).T])
 def test_images_lie_in_rows(frame):
     """Kernels are compiled for images that lie row by row; for any other layout they would be compiled again."""

@@ -116,10 +116,16 @@ def _halve(frame: Frame) -> Frame:
 
 
 def to_image(
-    frame: NDArray[Any], constant: float, dtype: type
+    frame: NDArray[Any], constant: float, dtype: type, scale: float = 1.0
 ) -> tuple[NDArray[Any], NDArray[np.uint8], int]:
-    """Return (image less the constant, validity, number of pixels without a value)."""
-    image = np.subtract(frame, constant, dtype=dtype)
+    """Return (image less the constant, times the scale; validity; number of pixels without a value)."""
+    if scale == 1:
+        image = np.subtract(frame, constant, dtype=dtype, order="C")
+    else:
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows has no value
+            image = np.multiply(np.subtract(frame, constant, dtype=np.float64), scale, order="C").astype(
+                dtype
+            )
     if frame.dtype.kind != "f" or np.isfinite(np.dot(image.ravel(), image.ravel())):
         return image, NO_MASK, 0
     finite = np.isfinite(image)
@@ -148,7 +154,8 @@ def flatten_lighting(image: NDArray[Any], valid: NDArray[np.uint8], sigma: float
     weight = np.maximum(filter_separable(counted, half), 1e-6)
     centred = image - filter_separable(image * counted, half) / weight
     spread = np.sqrt(np.maximum(filter_separable(centred * centred * counted, half) / weight, 0))
-    floor = 1e-3 * float(spread.max(initial=0.0))
+    rounding = np.finfo(image.dtype).eps * float(np.abs(image).max(initial=0.0))
+    floor = max(1e-3 * float(spread.max(initial=0.0)), 64 * rounding)
     return np.where(counted * (spread > floor), centred / np.maximum(spread, floor or 1), 0).astype(
         image.dtype
     )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -62,7 +63,7 @@ class Session:
         self.mask = None if mask is None else _check_mask(mask)
         self.workspace = Workspace()
         self.shape: tuple[int, int] | None = None
-        self.constant = 0.0
+        self.constant, self.scale = 0.0, 1.0
 
     def prepare(self, raw: ArrayLike, name: str) -> Prepared:
         """Check and normalise one frame."""
@@ -74,7 +75,7 @@ class Session:
                 f"{name} has shape {array.shape}, the first frame {self.shape}: "
                 "all frames must have one shape; crop or resample them"
             )
-        image, valid, missing = to_image(array, self.constant, self.dtype)
+        image, valid, missing = to_image(array, self.constant, self.dtype, self.scale)
         if missing == array.size:
             raise InputError(
                 f"{name} has no finite pixel: all {array.size} are NaN or infinite; check how it was read"
@@ -87,7 +88,7 @@ class Session:
         notes = (f"{name}: {missing} pixels without a value (NaN or infinite) are masked",) if missing else ()
         sample = kept[::4, ::4] if kept.ndim == 2 else kept
         digest = hashlib.sha256(np.ascontiguousarray(array).data).digest()
-        mean, spread = float(sample.mean()), float(sample.std())
+        mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
         if self.settings.lighting == "local":
             image = flatten_lighting(image, valid, self.settings.sigma)
         return Prepared(Frame(image, valid), digest, mean, spread, notes)
@@ -108,7 +109,11 @@ class Session:
         self.grid = Grid.over(self.shape, self.settings.step)
         sample = first[::4, ::4].astype(np.float64)
         finite = sample[np.isfinite(sample)]
-        self.constant = float(finite.mean()) if finite.size else 0.0
+        if finite.size:
+            self.constant = float(finite.mean())
+            spread = float(np.abs(finite - self.constant).mean())
+            if spread > 0 and not 1e-3 < spread < 1e5:  # squares of squares must fit single precision
+                self.scale = 2.0 ** -round(math.log2(spread) - 5)
 
     def measure_pair(self, reference: Prepared, moved: Prepared, numbers: tuple[int, int]) -> PairResult:
         """Measure one pair: search, refine, judge."""
@@ -130,10 +135,11 @@ class Session:
             "six": six,
             "covariance": quality.covariance,
             "residual": quality.residual,
-            "noise": quality.noise,
+            "noise": quality.noise / self.scale,
         }
         for name, values in measured.items():
-            measured[name] = values.astype(self.dtype, copy=False)
+            # noise is in grey levels, which may be of any size
+            measured[name] = values if name == "noise" else values.astype(self.dtype, copy=False)
             measured[name][failed] = np.nan
         digest = hashlib.sha256(
             reference.digest + moved.digest + (self.mask.tobytes() if self.mask is not None else b"")

@@ -58,7 +58,7 @@ def _message(error: BaseException) -> str:
         return str(error)
     if isinstance(error, CycloptsError):
         command = " ".join(("sixflow", *(error.command_chain or ())))
-        return f"{str(error).rstrip('.')}; see {command} --help"
+        return f"{error} See {command} --help"
     if isinstance(error, MemoryError):
         return f"not enough memory ({error}); measure with a larger --step, or crop the frames"
     return (

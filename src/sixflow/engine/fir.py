@@ -1,9 +1,8 @@
-"""Separable symmetric filters with mirrored borders: the B-spline prefilter, smoothing for pyramids and
-local means.
+"""Separable symmetric filters: the B-spline prefilter, smoothing for pyramids and local means.
 
-A symmetric filter is given by its half: weights[0] at the centre, weights[k] at both ±k. Borders are
-mirrored about the border pixel, …cb|abcdef|ed…, which is also the extension that makes the spline
-prefilter exact.
+A symmetric filter is given by its half: weights[0] at the centre, weights[k] at both ±k. Beyond its
+borders an image is reflected, evenly (values mirrored about the border pixel, …cb|abcdef|ed…) or oddly
+(about its value as well, 2a − b before a: a slope goes on).
 """
 
 from __future__ import annotations
@@ -20,18 +19,38 @@ STRIP = 64
 
 
 @kernel
-def mirror(index: int, size: int) -> int:
-    """Map any index onto 0 … size − 1 by reflection about the border samples."""
-    if size == 1:
-        return 0
-    period = 2 * (size - 1)
-    index = abs(index) % period
-    return period - index if index >= size else index
+def reflect(index: int, size: int, odd: bool) -> tuple[int, int, int, int]:
+    """Any index of a reflected line: value = sign · line[place] + first · line[0] + last · line[size − 1].
+
+    Returns
+    -------
+    place, sign, first, last : int
+    """
+    sign, first, last = 1, 0, 0
+    while size > 1 and (index < 0 or index >= size):
+        if index < 0:
+            index = -index
+            if odd:
+                first += 2 * sign
+                sign = -sign
+        else:
+            index = 2 * (size - 1) - index
+            if odd:
+                last += 2 * sign
+                sign = -sign
+    return (index if size > 1 else 0), sign, first, last
 
 
 @kernel
 def _filter_rows(
-    image: NDArray[Any], half: NDArray[Any], out: NDArray[Any], pad: int, stride: int, start: int, stop: int
+    image: NDArray[Any],
+    half: NDArray[Any],
+    out: NDArray[Any],
+    pad: int,
+    stride: int,
+    odd: bool,
+    start: int,
+    stop: int,
 ) -> None:
     """Rows start … stop of `out`; out[j, i] is the filtered image at row stride·j − pad, column
     stride·i − pad.
@@ -45,18 +64,32 @@ def _filter_rows(
     across = np.empty(inner, image.dtype)
     for j in range(start, stop):
         y = stride * j - pad
-        centre = image[mirror(y, height)]
         for x in range(width):
-            down[x] = half[0] * centre[x]
-        for k in range(1, reach + 1):
-            above, below, weight = image[mirror(y - k, height)], image[mirror(y + k, height)], half[k]
+            down[x] = 0
+        top, bottom = half[0] * 0, half[0] * 0
+        for k in range(reach + 1):
+            above_row, above_sign, above_first, above_last = reflect(y - k, height, odd)
+            below_row, below_sign, below_first, below_last = reflect(y + k, height, odd)
+            weight = half[k] / 2 if k == 0 else half[k]
+            above, below = image[above_row], image[below_row]
+            a, b = weight * above_sign, weight * below_sign
             for x in range(width):
-                down[x] += weight * (above[x] + below[x])
+                down[x] += a * above[x] + b * below[x]
+            top += weight * (above_first + below_first)
+            bottom += weight * (above_last + below_last)
+        if top != 0:
+            for x in range(width):
+                down[x] += top * image[0, x]
+        if bottom != 0:
+            for x in range(width):
+                down[x] += bottom * image[height - 1, x]
         for x in range(width):
             line[margin + x] = down[x]
         for x in range(margin):
-            line[x] = down[mirror(x - margin, width)]
-            line[margin + width + x] = down[mirror(width + x, width)]
+            place, sign, first, last = reflect(x - margin, width, odd)
+            line[x] = sign * down[place] + first * down[0] + last * down[width - 1]
+            place, sign, first, last = reflect(width + x, width, odd)
+            line[margin + width + x] = sign * down[place] + first * down[0] + last * down[width - 1]
         middle = line[reach : reach + inner]
         for x in range(inner):
             across[x] = half[0] * middle[x]
@@ -78,7 +111,7 @@ def _filter_rows(
 
 
 def filter_separable(
-    image: NDArray[Any], half: NDArray[Any], *, pad: int = 0, stride: int = 1
+    image: NDArray[Any], half: NDArray[Any], *, pad: int = 0, stride: int = 1, odd: bool = False
 ) -> NDArray[Any]:
     """Filter an image with the same symmetric weights along both axes.
 
@@ -88,9 +121,11 @@ def filter_separable(
     half : float array, shape (reach + 1,)
         Half of the symmetric weights.
     pad : int
-        Extend the result by this many pixels on each side (its values are those of the mirrored image).
+        Extend the result by this many pixels on each side (its values are those of the reflected image).
     stride : int
         Keep every stride-th row and column, the first included; only with pad = 0.
+    odd : bool
+        Reflect the image oddly beyond its borders, rather than evenly.
 
     Returns
     -------
@@ -107,7 +142,9 @@ def filter_separable(
     shape = tuple(-(-(size + 2 * pad) // stride) for size in (height, width))
     out = np.empty(shape, image.dtype)
     half = half.astype(image.dtype)
-    over_strips(lambda start, stop: _filter_rows(image, half, out, pad, stride, start, stop), shape[0], STRIP)
+    over_strips(
+        lambda start, stop: _filter_rows(image, half, out, pad, stride, odd, start, stop), shape[0], STRIP
+    )
     return out
 
 

@@ -272,7 +272,7 @@ def statistics_strip(
                 n[x] = one if good else zero
                 a[x] = abs(r[x]) if good else zero
             for x in range(end - tile):
-                i1[x] = n[x] * grey[x]
+                i1[x] = grey[x] if r[x] == r[x] else zero
             _multiply(a[: end - tile], a, products[2, y - low])
             _multiply(i1[: end - tile], i1, products[4, y - low])
         _column_sums(products, orders, weights, low, high, grid, start, stop, tile, end - tile, columns)

@@ -45,6 +45,9 @@ def _prefilter_half(degree: int, precision: float) -> NDArray[np.float64]:
 def spline_coefficients(image: NDArray[Any], degree: int) -> NDArray[Any]:
     """Coefficients of the interpolating B-spline, padded by `PAD` on each side.
 
+    Beyond its border the image is reflected about the border pixel's value, so that a slope goes on: an
+    extension that bends it would bias the displacements near the border.
+
     Parameters
     ----------
     image : float32 or float64 array, shape (height, width)
@@ -55,7 +58,7 @@ def spline_coefficients(image: NDArray[Any], degree: int) -> NDArray[Any]:
     array of the image's dtype, shape (height + 6, width + 6); [PAD + y, PAD + x] belongs to pixel (y, x)
     """
     precision = 1e-7 if image.dtype == np.float32 else 1e-15
-    return filter_separable(image, _prefilter_half(degree, precision), pad=PAD)
+    return filter_separable(image, _prefilter_half(degree, precision), pad=PAD, odd=True)
 
 
 def spline_weights(fraction: NDArray[Any], degree: int) -> NDArray[Any]:

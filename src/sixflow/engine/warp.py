@@ -312,15 +312,16 @@ def warp_strip(
             )
             for x in range(width):
                 warped[x] = (warped[x] - offset[x]) / gain[x]
-        if reference_valid.size:
-            for x in range(width):
-                if reference_valid[y, x] == 0:
-                    warped[x] = np.nan
         r, middle = difference[k], mean[k][HALO : HALO + width]
         for x in range(width):
             r[x] = warped[x] - still[x]
         for x in range(width):
             middle[x] = still[x] + (r[x] / 2 if r[x] == r[x] else zero)
+        if reference_valid.size:  # what is under the mask must not show in the gradients beside it
+            for x in range(width):
+                if reference_valid[y, x] == 0:
+                    middle[x] = warped[x]
+                    r[x] = np.nan
         if residual.size and start <= y < stop:
             target = residual[y]
             for x in range(width):
@@ -358,6 +359,12 @@ def warp_strip(
                 for x in range(width):
                     target_y[x] += weight * (down[x] - up[x])
         u, v, r = dense[0, k], dense[1, k], difference[k]
+        if reference_valid.size:  # a gradient that would need a pixel without a partner beside a masked one
+            for x in range(width):
+                if target_x[x] != target_x[x] or target_y[x] != target_y[x]:
+                    r[x] = np.nan
+                    if residual.size:
+                        residual[y, x] = np.nan
         for x in range(width):
             target_x[x] = target_x[x] if r[x] == r[x] else zero
         for x in range(width):
