@@ -43,7 +43,9 @@ def cramer_rao(pattern: Any, side: int, grid: Grid, window: float, noise: float)
     sigma = window / np.sqrt(4 * np.pi)
     normal, meat = np.empty((*grid.shape, 24)), np.empty((*grid.shape, 18))
     place = grid.origin_and_step
-    moments_strip(gradient_x, gradient_y, np.zeros_like(x), moment_weights(sigma), place, 0, grid.rows, normal)
+    moments_strip(
+        gradient_x, gradient_y, np.zeros_like(x), moment_weights(sigma), place, 0, grid.rows, normal
+    )
     constant = np.full_like(x, np.sqrt(2) * noise)
     squared = moment_weights(sigma, power=2)
     sandwich_strip(gradient_x, gradient_y, constant, squared, place, 0, grid.rows, meat)

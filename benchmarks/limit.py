@@ -1,10 +1,12 @@
-"""How near to the physical limit: efficiency, coverage, bias, sharpening, and a vortex field, each beside its limit or target.
+"""How near to the physical limit: efficiency, coverage, bias, sharpening, and a vortex field, each
+beside its limit or target.
 
     python benchmarks/limit.py            all tables, about three minutes on two cores
     python benchmarks/limit.py --seeds 2  fewer repetitions
 
-Everything is rendered by `sixflow.synth`: the truth is exact and free of interpolation. `ratio` is the rms error over the rms of the
-Cramér–Rao value of the same window; `spread` is the standard deviation of error / predicted standard error.
+Everything is rendered by `sixflow.synth`: the truth is exact and free of interpolation. `ratio` is the
+rms error over the rms of the Cramér–Rao value of the same window; `spread` is the standard deviation of
+error / predicted standard error.
 """
 
 from __future__ import annotations
@@ -12,9 +14,9 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
-from cases import console, cramer_rao, errors_at_points, make_pair, rms, show, verdict
 
 import sixflow
+from cases import console, cramer_rao, errors_at_points, make_pair, rms, show, verdict
 from sixflow import synth
 from sixflow.convention import SIX
 from sixflow.engine.window import sharpening_noise, window_sigma
@@ -66,7 +68,8 @@ def efficiency(seeds: int) -> None:
         met = bool((ratio <= target).all()) and share >= 0.995 and wild == 0
         rows.append([name, *ratio, target, f"{100 * share:.2f} %", str(wild), verdict(met)])
     show(
-        f"Efficiency: rms error / Cramér–Rao value of the same window (noise {NOISE:g} of 255, {SIDE}², window {WINDOW}, step {STEP})",
+        "Efficiency: rms error / Cramér–Rao value of the same window "
+        f"(noise {NOISE:g} of 255, {SIDE}², window {WINDOW}, step {STEP})",
         ["case", *SIX, "target ≤", "valid (of points that stay)", "unflagged outliers", ""],
         rows,
     )
@@ -74,7 +77,11 @@ def efficiency(seeds: int) -> None:
 
 def coverage(seeds: int) -> None:
     rows = []
-    for name, make in (("speckle σ 2", speckle(2.0)), ("particles σ 1", particles), ("texture 6–24 px", texture)):
+    for name, make in (
+        ("speckle σ 2", speckle(2.0)),
+        ("particles σ 1", particles),
+        ("texture 6–24 px", texture),
+    ):
         for noise in (1.0, 2.0, 5.0):
             standardised = []
             for seed in range(seeds):
@@ -107,7 +114,15 @@ def bias() -> None:
             met = worst_u <= limit_u and worst_g <= limit_g
             extreme = f"{np.abs(error[:, :2]).max():.1e}"
             rows.append(
-                [f"{interpolation}, speckle σ {sigma}", f"{worst_u:.1e}", extreme, f"{limit_u:.0e}", f"{worst_g:.1e}", f"{limit_g:.0e}", verdict(met)]
+                [
+                    f"{interpolation}, speckle σ {sigma}",
+                    f"{worst_u:.1e}",
+                    extreme,
+                    f"{limit_u:.0e}",
+                    f"{worst_g:.1e}",
+                    f"{limit_g:.0e}",
+                    verdict(met),
+                ]
             )
     show("Bias without noise", ["case", "u, v rms px", "u, v max px", "≤", "gradients rms", "≤", ""], rows)
 
@@ -126,15 +141,29 @@ def sharpening(seeds: int) -> None:
             response = (field.v.values[0][good] * truth[good]).sum() / (truth[good] ** 2).sum()
             whole = np.exp(-((2 * np.pi / period * sigma) ** 2) / 2)
             theory = 1 - (1 - whole) ** (sharpen + 1)
-            rows.append([f"n = {sharpen}, period {period:g}", response, theory, response / theory, verdict(abs(response / theory - 1) <= 0.05)])
-    show("Sharpening: response to a sine displacement", ["case", "measured", "1−(1−M)^(n+1)", "ratio", "within 5 %"], rows)
+            rows.append(
+                [
+                    f"n = {sharpen}, period {period:g}",
+                    response,
+                    theory,
+                    response / theory,
+                    verdict(abs(response / theory - 1) <= 0.05),
+                ]
+            )
+    show(
+        "Sharpening: response to a sine displacement",
+        ["case", "measured", "1−(1−M)^(n+1)", "ratio", "within 5 %"],
+        rows,
+    )
     rows = []
     base = None
     for sharpen in (0, 1, 2, 4):
         errors = []
         for seed in range(2 * seeds):
             made = make_pair(synth.Speckle(seed=seed), (0.3, -0.4, 0, 0, 0, 0), SIDE, NOISE, seed)
-            error, _, flag = errors_at_points(sixflow.measure(made.frame0, made.frame1, sharpen=sharpen), made)
+            error, _, flag = errors_at_points(
+                sixflow.measure(made.frame0, made.frame1, sharpen=sharpen), made
+            )
             errors.append(error[flag == 0])
         spread = np.concatenate(errors).std(axis=0)
         base = spread if base is None else base
@@ -142,7 +171,11 @@ def sharpening(seeds: int) -> None:
         theory = np.array(sharpening_noise(sharpen))
         met = bool((np.abs(factor / theory - 1) <= 0.05).all())
         rows.append([f"n = {sharpen}", factor[0], theory[0], factor[1], theory[1], verdict(met)])
-    show("Sharpening: noise relative to n = 0", ["case", "u, v", "theory", "gradients", "theory", "within 5 %"], rows)
+    show(
+        "Sharpening: noise relative to n = 0",
+        ["case", "u, v", "theory", "gradients", "theory", "within 5 %"],
+        rows,
+    )
 
 
 def vortices(seeds: int) -> None:
@@ -151,8 +184,12 @@ def vortices(seeds: int) -> None:
         errors, spreads = [], []
         for seed in range(seeds):
             motion = synth.CellularVortices(amplitude=2.0, period=160.0)
-            made = synth.pair(synth.Speckle(seed=seed), motion, (SIDE, SIDE), sensor=synth.Sensor(noise=NOISE, seed=seed))
-            error, predicted, flag = errors_at_points(sixflow.measure(made.frame0, made.frame1, **settings), made)
+            made = synth.pair(
+                synth.Speckle(seed=seed), motion, (SIDE, SIDE), sensor=synth.Sensor(noise=NOISE, seed=seed)
+            )
+            error, predicted, flag = errors_at_points(
+                sixflow.measure(made.frame0, made.frame1, **settings), made
+            )
             errors.append(error[flag == 0])
             spreads.append((error / predicted)[flag == 0])
         error = np.concatenate(errors)
@@ -161,7 +198,16 @@ def vortices(seeds: int) -> None:
         u = rms(error[:, 0])
         spread = np.concatenate(spreads).std(axis=0)
         name = ", ".join(f"{k}={v}" for k, v in settings.items()) or "defaults"
-        rows.append([name, u, gradient, spread[:2].mean(), spread[2:].mean(), verdict(u <= 0.018 and gradient <= 2.3e-3)])
+        rows.append(
+            [
+                name,
+                u,
+                gradient,
+                spread[:2].mean(),
+                spread[2:].mean(),
+                verdict(u <= 0.018 and gradient <= 2.3e-3),
+            ]
+        )
     rows.append(["(second-order DIC subsets)", 0.0185, 3.8e-3, "", "", ""])
     rows.append(["(first-order DIC subsets)", 0.118, 5.3e-3, "", "", ""])
     show(
@@ -172,7 +218,9 @@ def vortices(seeds: int) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seeds", type=int, default=6, help="repetitions of every random case")
     seeds = parser.parse_args().seeds
     console.print(f"sixflow {sixflow.__version__}\n")

@@ -2,8 +2,9 @@
 
     python benchmarks/speed.py
 
-Peers: OpenCV's Farnebäck and DIS optical flow, which give two numbers and no error (`pip install sixflow[benchmarks]`). Machines
-are shared and noisy: the calls are interleaved, the medians compared, and ratios printed.
+Peers: OpenCV's Farnebäck and DIS optical flow, which give two numbers and no error (`pip install
+sixflow[benchmarks]`). Machines are shared and noisy: the calls are interleaved, the medians compared,
+and ratios printed.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from cases import console, show, verdict
 
 import sixflow
+from cases import console, show, verdict
 from sixflow import synth
 from sixflow.engine.threads import worker_count
 
@@ -32,7 +33,10 @@ def frames(side: int) -> tuple[np.ndarray, np.ndarray]:
     tile = min(side, 1024)
     centre = ((tile - 1) / 2, (tile - 1) / 2)
     made = synth.pair(
-        synth.Speckle(seed=1), synth.Affine.from_six(MOTION, centre=centre), (tile, tile), sensor=synth.Sensor(noise=2, bits=8)
+        synth.Speckle(seed=1),
+        synth.Affine.from_six(MOTION, centre=centre),
+        (tile, tile),
+        sensor=synth.Sensor(noise=2, bits=8),
     )
     repeat = (side // tile, side // tile)
     return np.tile(made.frame0, repeat), np.tile(made.frame1, repeat)
@@ -65,7 +69,9 @@ def peers(repeats: int) -> None:
     else:
         cv2.setNumThreads(worker_count())
         dis = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-        calls["OpenCV Farnebäck"] = lambda: cv2.calcOpticalFlowFarneback(frame0, frame1, None, 0.5, 4, 15, 3, 7, 1.5, 0)
+        calls["OpenCV Farnebäck"] = lambda: cv2.calcOpticalFlowFarneback(
+            frame0, frame1, None, 0.5, 4, 15, 3, 7, 1.5, 0
+        )
         calls["OpenCV DIS medium"] = lambda: dis.calc(frame0, frame1, None)
     seconds = interleaved(calls, repeats)
     ours = seconds["sixflow (quintic)"]
@@ -74,7 +80,11 @@ def peers(repeats: int) -> None:
         step = 4 if "step=4" in name else 8
         points = f"{(1024 // step) ** 2 / value:,.0f}" if "sixflow" in name else "–"
         rows.append([name, f"{1000 * value:.1f}", points, f"{ours / value:.2f}"])
-    show(f"Whole call, 1024² pair, window 31, {worker_count()} processors", ["", "ms", "points/s", "sixflow / this"], rows)
+    show(
+        f"Whole call, 1024² pair, window 31, {worker_count()} processors",
+        ["", "ms", "points/s", "sixflow / this"],
+        rows,
+    )
     rows = []
     if "OpenCV Farnebäck" in seconds:
         for name, limit in (("OpenCV Farnebäck", 1 / 3), ("OpenCV DIS medium", 1.0)):
@@ -90,25 +100,26 @@ def cost(repeats: int) -> None:
     calls: dict[str, Callable[[], object]] = {}
     for window in (21, 31, 61, 91):
         for step in (4, 8, 16):
-            calls[f"{window}/{step}"] = lambda window=window, step=step: sixflow.measure(frame0, frame1, window=window, step=step)
+            calls[f"{window}/{step}"] = lambda window=window, step=step: sixflow.measure(
+                frame0, frame1, window=window, step=step
+            )
     seconds = interleaved(calls, max(3, repeats // 2))
     rows = [
-        [f"window {window}", *(f"{1000 * seconds[f'{window}/{step}']:.0f}" for step in (4, 8, 16))] for window in (21, 31, 61, 91)
+        [f"window {window}", *(f"{1000 * seconds[f'{window}/{step}']:.0f}" for step in (4, 8, 16))]
+        for window in (21, 31, 61, 91)
     ]
     show("Cost of window and step: ms for a 1024² pair", ["", "step 4", "step 8", "step 16"], rows)
 
 
 _MEMORY = """
-import resource, sys
+import resource
 import numpy as np
-sys.path.insert(0, {here!r})
-from speed import frames
 import sixflow
-small = frames(256)
-sixflow.measure(*small)
-pair = frames({side})
+frame0, frame1 = np.load({file!r})
+rows = slice(0, 128)
+sixflow.measure(frame0[rows, rows], frame1[rows, rows])
 base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-field = sixflow.measure(*pair)
+field = sixflow.measure(frame0, frame1)
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 print(base / 1024, peak / 1024, field.attrs["memory_bytes"] / 2**20)
 """
@@ -116,15 +127,25 @@ print(base / 1024, peak / 1024, field.attrs["memory_bytes"] / 2**20)
 
 def memory() -> None:
     rows = []
-    for side in (1024, 2048, 4096):
-        code = _MEMORY.format(here=os.path.dirname(os.path.abspath(__file__)), side=side)
-        base, peak, stated = map(float, _python(code).split())
-        frame = side**2 * 4 / 2**20
-        limit = 25 * frame + 200
-        added = peak - base
-        cells = [f"{added:.0f}", f"{added / frame:.1f}", f"{peak:.0f}", f"{stated:.0f}", f"{limit:.0f}"]
-        rows.append([f"{side}²", *cells, verdict(added <= limit)])
-    header = ["frames", "added by measure, MB", "= float32 frames", "process peak, MB", "stated in the field, MB", "limit, MB", ""]
+    with tempfile.TemporaryDirectory() as folder:
+        for side in (1024, 2048, 4096):
+            file = os.path.join(folder, "pair.npy")
+            np.save(file, np.stack(frames(side)))
+            base, peak, stated = map(float, _python(_MEMORY.format(file=file)).split())
+            frame = side**2 * 4 / 2**20
+            limit = 25 * frame + 200
+            added = peak - base
+            cells = [f"{added:.0f}", f"{added / frame:.1f}", f"{peak:.0f}", f"{stated:.0f}", f"{limit:.0f}"]
+            rows.append([f"{side}²", *cells, verdict(added <= limit)])
+    header = [
+        "frames",
+        "added by measure, MB",
+        "= float32 frames",
+        "process peak, MB",
+        "stated in the field, MB",
+        "limit, MB",
+        "",
+    ]
     show("Memory (limit: 25 float32 frames + 200 MB)", header, rows)
 
 
@@ -141,13 +162,24 @@ sixflow.measure(random, random)
         environment = os.environ | {"NUMBA_CACHE_DIR": cache}
         compile_seconds = _timed(first, environment)
         later = min(_timed(first, environment) for _ in range(3))
-    rows.append(["first measurement ever, compiling", f"{compile_seconds:.1f}", "< 20", verdict(compile_seconds < 20)])
-    rows.append(["first measurement of a later process, interpreter included", f"{later:.2f}", "< 1", verdict(later < 1)])
+    rows.append(
+        ["first measurement ever, compiling", f"{compile_seconds:.1f}", "< 20", verdict(compile_seconds < 20)]
+    )
+    rows.append(
+        [
+            "first measurement of a later process, interpreter included",
+            f"{later:.2f}",
+            "< 1",
+            verdict(later < 1),
+        ]
+    )
     show("Start, s", ["", "measured", "target", ""], rows)
 
 
 def _python(code: str, environment: dict[str, str] | None = None) -> str:
-    done = subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True
+    )
     return done.stdout
 
 
@@ -158,7 +190,9 @@ def _timed(code: str, environment: dict[str, str] | None = None) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--repeats", type=int, default=9, help="calls of which the median is taken")
     repeats = parser.parse_args().repeats
     console.print(f"sixflow {sixflow.__version__}, {worker_count()} processors\n")

@@ -25,11 +25,15 @@ def sharpening() -> None:
     left.axhline(0.9, color="0.6", linewidth=0.8, linestyle=":")
     left.set_xticks([20, 30, 50, 100, 200, 300], labels=["20", "30", "50", "100", "200", "300"])
     left.minorticks_off()
-    left.set(xlabel="period of the displacement (px), window 31", ylabel="response", ylim=(0, 1.03), xlim=(15, 300))
+    left.set(
+        xlabel="period of the displacement (px), window 31", ylabel="response", ylim=(0, 1.03), xlim=(15, 300)
+    )
     left.legend(frameon=False)
     factors = np.array([sharpening_noise(n) for n in counts])
     for k, (name, shift) in enumerate((("displacement", -0.18), ("gradients", 0.18))):
-        right.bar(np.arange(4) + shift, factors[:, k], width=0.34, label=name, color=(COLOURS[0], COLOURS[2])[k])
+        right.bar(
+            np.arange(4) + shift, factors[:, k], width=0.34, label=name, color=(COLOURS[0], COLOURS[2])[k]
+        )
     right.set_xticks(np.arange(4), labels=[f"n = {n}" for n in counts])
     right.set(ylabel="noise, relative to n = 0")
     right.legend(frameon=False)

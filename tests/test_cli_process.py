@@ -105,7 +105,7 @@ def start(*arguments):
 
 
 def test_interrupted_recording_goes_on(place, capsys):  # noqa: F811
-    tifffile.imwrite("long.tif", make_frames(200), photometric="minisblack")
+    tifffile.imwrite("long.tif", make_frames(120), photometric="minisblack")
     process = start()
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
@@ -127,7 +127,7 @@ def test_interrupted_recording_goes_on(place, capsys):  # noqa: F811
 
     assert main([*command, "--resume"]) == 0
     out = capsys.readouterr().out
-    assert "field.nc: 199 pairs, " in out
+    assert "field.nc: 119 pairs, " in out
     assert " of them now, " in out
     assert main(["measure", "long.tif", "-o", "whole.nc", *QUICK]) == 0
     xr.testing.assert_identical(load("field.nc"), load("whole.nc"))

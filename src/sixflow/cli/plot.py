@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from sixflow.cli.flags import Output, Switch
+from sixflow.cli.flags import Output, Switch, Whole
 from sixflow.cli.settings_flags import CalibrationFlags
 from sixflow.errors import InputError
 
@@ -23,11 +23,11 @@ def plot(
     *,
     output: Output,
     frame: str | None = None,
-    time: int = 0,
+    time: Whole = 0,
     y_up: Switch = False,
     units: Literal["px", "physical"] = "px",
-    arrows: int = 28,
-    glyphs: int = 16,
+    arrows: Whole = 28,
+    glyphs: Whole = 16,
     exaggerate: float | None = None,
     standard_errors: Annotated[bool, Parameter(show_default=False)] = True,
     title: str | None = None,

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypedDict, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypedDict, get_args, get_type_hints
 
 from cyclopts import Group, Parameter
 
+from sixflow.cli.flags import number_reader
 from sixflow.settings import Settings, SettingsOptions
 
 
@@ -44,6 +45,11 @@ def flag(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
+def _is_number(hint: Any) -> bool:
+    """Tell the types int, float and these or None from others."""
+    return bool({int, float} & set(get_args(hint) or (hint,)))
+
+
 def _flags(title: str, names: tuple[str, ...] | None = None) -> Any:
     """Return a typed dictionary whose keys are the settings, or those of them that are named."""
     hints, texts = get_type_hints(Settings), settings_help()
@@ -53,6 +59,7 @@ def _flags(title: str, names: tuple[str, ...] | None = None) -> Any:
             hints[field.name],
             Parameter(
                 help=texts[field.name],
+                converter=number_reader(hints[field.name]) if _is_number(hints[field.name]) else None,
                 group=group,
                 show_default=False if names or field.default is None else str(field.default),
             ),
@@ -81,10 +88,4 @@ def gather_settings(flags: SettingsOptions | None, file: Path | None) -> Setting
         If the file cannot be read, or a value is out of range.
     """
     settings = Settings() if file is None else Settings.from_toml(file.expanduser())
-    given = {name: _plain(value) for name, value in (flags or {}).items()}
-    return settings.replace(**given)
-
-
-def _plain(value: Any) -> Any:
-    """Return 41 for 41.0: settings from flags are then stored as those from a file or from Python are."""
-    return int(value) if isinstance(value, float) and value.is_integer() else value
+    return settings.replace(**(flags or {}))

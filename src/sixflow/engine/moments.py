@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from sixflow.engine.compiler import kernel
 
 _TILE = 256
+_NORMAL, _SANDWICH, _STATISTICS, _AFFINE = range(4)
 
 
 @kernel
@@ -169,6 +170,64 @@ def _rows_needed(
 
 
 @kernel
+def _fill(
+    kind: int, a: NDArray[Any], b: NDArray[Any], c: NDArray[Any], products: NDArray[Any], row: int,
+    scratch: NDArray[Any],
+) -> None:  # fmt: skip
+    """Products of one row of a tile into products[:, row]; a, b, c are the row's pixels of the images of that kind."""
+    n = a.size
+    if kind == _NORMAL:
+        _multiply(a, a, products[0, row])
+        _multiply(a, b, products[1, row])
+        _multiply(b, b, products[2, row])
+        _multiply(a, c, products[3, row])
+        _multiply(b, c, products[4, row])
+    elif kind == _SANDWICH:
+        zero = a.dtype.type(0)
+        fx, fy = scratch[0][:n], scratch[1][:n]
+        for x in range(n):
+            r = c[x] if c[x] == c[x] else zero
+            fx[x] = r * a[x]
+            fy[x] = r * b[x]
+        _multiply(fx, fx, products[0, row])
+        _multiply(fx, fy, products[1, row])
+        _multiply(fy, fy, products[2, row])
+    elif kind == _STATISTICS:
+        zero, one = a.dtype.type(0), a.dtype.type(1)
+        count, absolute, grey = products[0, row], products[1, row], products[3, row]
+        for x in range(n):
+            count[x] = one if b[x] == b[x] else zero
+        for x in range(n):
+            absolute[x] = abs(b[x]) if b[x] == b[x] else zero
+        for x in range(n):
+            grey[x] = a[x] if b[x] == b[x] else zero
+        _multiply(absolute[:n], absolute, products[2, row])
+        _multiply(grey[:n], grey, products[4, row])
+    else:
+        _multiply(a, a, products[0, row])
+        _multiply(a, b, products[1, row])
+        _multiply(a, c, products[2, row])
+
+
+@kernel
+def _window_sums(
+    kind: int, a: NDArray[Any], b: NDArray[Any], c: NDArray[Any], orders: NDArray[Any], weights: NDArray[Any],
+    grid: tuple[int, int, int], start: int, stop: int, out: NDArray[Any],
+) -> None:  # fmt: skip
+    """Moments of all products of one kind for the grid rows start … stop; `orders`: powers of Y of each product."""
+    height, width = a.shape
+    low, high = _rows_needed(height, grid, weights.shape[1] // 2, start, stop)
+    columns = np.empty((stop - start, orders.sum(), width), a.dtype)
+    products = np.empty((orders.size, high - low, min(_TILE, width)), a.dtype)
+    scratch = np.empty((2, min(_TILE, width)), a.dtype)
+    for tile in range(0, width, _TILE):
+        end = min(tile + _TILE, width)
+        for y in range(low, high):
+            _fill(kind, a[y][tile:end], b[y][tile:end], c[y][tile:end], products, y - low, scratch)
+        _column_sums(products, orders, weights, low, high, grid, start, stop, tile, end - tile, columns)
+    _finish(columns, orders, weights, grid, start, stop, out)
+
+
 def moments_strip(
     gradient_x: NDArray[Any],
     gradient_y: NDArray[Any],
@@ -190,25 +249,10 @@ def moments_strip(
     grid : (x0, y0, step)
     out : array, shape (grid rows, grid columns, 24)
     """
-    height, width = gradient_x.shape
-    low, high = _rows_needed(height, grid, weights.shape[1] // 2, start, stop)
     orders = np.array([3, 3, 3, 2, 2])
-    columns = np.empty((stop - start, 13, width), gradient_x.dtype)
-    products = np.empty((5, high - low, min(_TILE, width)), gradient_x.dtype)
-    for tile in range(0, width, _TILE):
-        end = min(tile + _TILE, width)
-        for y in range(low, high):
-            gx, gy, q = gradient_x[y][tile:end], gradient_y[y][tile:end], right[y][tile:end]
-            _multiply(gx, gx, products[0, y - low])
-            _multiply(gx, gy, products[1, y - low])
-            _multiply(gy, gy, products[2, y - low])
-            _multiply(gx, q, products[3, y - low])
-            _multiply(gy, q, products[4, y - low])
-        _column_sums(products, orders, weights, low, high, grid, start, stop, tile, end - tile, columns)
-    _finish(columns, orders, weights, grid, start, stop, out)
+    _window_sums(_NORMAL, gradient_x, gradient_y, right, orders, weights, grid, start, stop, out)
 
 
-@kernel
 def sandwich_strip(
     gradient_x: NDArray[Any],
     gradient_y: NDArray[Any],
@@ -219,33 +263,11 @@ def sandwich_strip(
     stop: int,
     out: NDArray[Any],
 ) -> None:
-    """Moments of the sandwich for the grid rows start … stop; `weights` are those of w², out is (rows,
-    columns, 18).
-    """
-    height, width = gradient_x.shape
-    low, high = _rows_needed(height, grid, weights.shape[1] // 2, start, stop)
+    """Moments of the sandwich for the grid rows start … stop; `weights` are those of w², out is (rows, columns, 18)."""
     orders = np.array([3, 3, 3])
-    columns = np.empty((stop - start, 9, width), gradient_x.dtype)
-    products = np.empty((3, high - low, min(_TILE, width)), gradient_x.dtype)
-    scaled = np.empty((2, min(_TILE, width)), gradient_x.dtype)
-    zero = gradient_x.dtype.type(0)
-    for tile in range(0, width, _TILE):
-        end = min(tile + _TILE, width)
-        for y in range(low, high):
-            gx, gy, r = gradient_x[y][tile:end], gradient_y[y][tile:end], residual[y][tile:end]
-            fx, fy = scaled[0][: end - tile], scaled[1][: end - tile]
-            for x in range(end - tile):
-                s = r[x] if r[x] == r[x] else zero
-                fx[x] = s * gx[x]
-                fy[x] = s * gy[x]
-            _multiply(fx, fx, products[0, y - low])
-            _multiply(fx, fy, products[1, y - low])
-            _multiply(fy, fy, products[2, y - low])
-        _column_sums(products, orders, weights, low, high, grid, start, stop, tile, end - tile, columns)
-    _finish(columns, orders, weights, grid, start, stop, out)
+    _window_sums(_SANDWICH, gradient_x, gradient_y, residual, orders, weights, grid, start, stop, out)
 
 
-@kernel
 def statistics_strip(
     image: NDArray[Any],
     residual: NDArray[Any],
@@ -256,30 +278,10 @@ def statistics_strip(
     out: NDArray[Any],
 ) -> None:
     """Window sums of 1, |r|, r², I, I² over the pixels that have a partner; out is (rows, columns, 5)."""
-    height, width = image.shape
-    low, high = _rows_needed(height, grid, weights.shape[1] // 2, start, stop)
     orders = np.array([1, 1, 1, 1, 1])
-    columns = np.empty((stop - start, 5, width), image.dtype)
-    products = np.empty((5, high - low, min(_TILE, width)), image.dtype)
-    zero, one = image.dtype.type(0), image.dtype.type(1)
-    for tile in range(0, width, _TILE):
-        end = min(tile + _TILE, width)
-        for y in range(low, high):
-            grey, r = image[y][tile:end], residual[y][tile:end]
-            n, a, i1 = products[0, y - low], products[1, y - low], products[3, y - low]
-            for x in range(end - tile):
-                good = r[x] == r[x]
-                n[x] = one if good else zero
-                a[x] = abs(r[x]) if good else zero
-            for x in range(end - tile):
-                i1[x] = grey[x] if r[x] == r[x] else zero
-            _multiply(a[: end - tile], a, products[2, y - low])
-            _multiply(i1[: end - tile], i1, products[4, y - low])
-        _column_sums(products, orders, weights, low, high, grid, start, stop, tile, end - tile, columns)
-    _finish(columns, orders, weights, grid, start, stop, out)
+    _window_sums(_STATISTICS, image, residual, residual, orders, weights, grid, start, stop, out)
 
 
-@kernel
 def affine_moments_strip(
     valid: NDArray[Any],
     u: NDArray[Any],
@@ -300,17 +302,5 @@ def affine_moments_strip(
     grid : (x0, y0, step)
     out : array, shape (grid rows, grid columns, 12)
     """
-    height, width = u.shape
-    low, high = _rows_needed(height, grid, weights.shape[1] // 2, start, stop)
     orders = np.array([3, 2, 2])
-    columns = np.empty((stop - start, 7, width), u.dtype)
-    products = np.empty((3, high - low, min(_TILE, width)), u.dtype)
-    for tile in range(0, width, _TILE):
-        end = min(tile + _TILE, width)
-        for y in range(low, high):
-            counted = valid[y][tile:end]
-            _multiply(counted, counted, products[0, y - low])
-            _multiply(counted, u[y][tile:end], products[1, y - low])
-            _multiply(counted, v[y][tile:end], products[2, y - low])
-        _column_sums(products, orders, weights, low, high, grid, start, stop, tile, end - tile, columns)
-    _finish(columns, orders, weights, grid, start, stop, out)
+    _window_sums(_AFFINE, valid, u, v, orders, weights, grid, start, stop, out)
