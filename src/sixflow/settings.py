@@ -82,6 +82,8 @@ class Settings:
     frame_interval: float | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.window, float) and self.window.is_integer():
+            object.__setattr__(self, "window", int(self.window))  # 31.0 and 31 are the same setting
         _require(
             _is_number(self.window) and self.window >= 5,
             "window",

@@ -33,6 +33,7 @@ FLOOR = 0.1  # px: disagreement that is never held against a point
 MINIMUM_TEXTURE = 1.0  # gradient power in the weakest direction, over that of noise
 MAXIMUM_ERROR = 0.5  # px: a larger standard error is no measurement
 MAXIMUM_RESIDUAL = 1.0  # of a zero-normalised residual: correlation 0.5
+SUSPECT_RESIDUAL = 0.6  # enough to call a window unmatched whose texture does not rise above the residual
 MINIMUM_WEIGHT = 0.2
 COMPLETE_WEIGHT = 0.98
 
@@ -211,9 +212,8 @@ def flag_points(
         measurable = (quality.texture > MINIMUM_TEXTURE) & (error < MAXIMUM_ERROR)
         flag[quality.weight < COMPLETE_WEIGHT] |= FLAGS["border"]
         flag[unknown | ~measurable] |= FLAGS["low_texture"]
-        gone = (
-            (outside & ~unknown) | (quality.weight < MINIMUM_WEIGHT) | (quality.residual > MAXIMUM_RESIDUAL)
-        )
+        unlike = quality.residual > np.where(measurable, MAXIMUM_RESIDUAL, SUSPECT_RESIDUAL)
+        gone = (outside & ~unknown) | (quality.weight < MINIMUM_WEIGHT) | unlike
         flag[gone] |= FLAGS["unmatched"]
         flag[left > np.maximum(2 * settings.tolerance, error / 2)] |= FLAGS["not_converged"]
     masked = _masked(reference.valid, grid)

@@ -5,6 +5,8 @@ ignore NaN.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
@@ -18,8 +20,27 @@ _KERNELS: list[Any] = []
 def kernel(function: Kernel) -> Kernel:
     """Compile `function` on first use for the types it meets, and keep the machine code on disk."""
     compiled = numba.njit(nogil=True, cache=True, fastmath=_FAST, error_model="numpy")(function)
+    _stamp_with_all_sources(compiled)
     _KERNELS.append(compiled)
     return cast(Kernel, compiled)
+
+
+@cache
+def _sources_stamp() -> tuple[float, int]:
+    """Latest change and total size of the engine's sources."""
+    states = [path.stat() for path in Path(__file__).parent.glob("*.py")]
+    return max(state.st_mtime for state in states), sum(state.st_size for state in states)
+
+
+def _stamp_with_all_sources(compiled: Any) -> None:
+    """Let stored machine code expire when any source of the engine changes.
+
+    Numba looks at a kernel's own file only, but a kernel contains the code of those that it calls.
+    """
+    file = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    stamp = getattr(file, "_source_stamp", None)
+    if file is not None and stamp is not None:
+        file._source_stamp = (stamp, _sources_stamp())
 
 
 def compiled_now() -> int:

@@ -86,7 +86,7 @@ class RecordingWriter:
         self._store = self.partial / "field.zarr"
         self._progress = Progress(self.partial, batch, identity or {})
         self._overwrite, self._resume = overwrite, resume
-        self._pending: xr.Dataset | None = None
+        self._pending: list[xr.Dataset] = []
         self._template: xr.Dataset | None = None
 
     @property
@@ -142,11 +142,14 @@ class RecordingWriter:
         _check_alike(field, self._template)
         self._compare(_settings(field), _settings(self._template))
         self._progress.add(field.sizes["time"], said_of_pairs(field.attrs))
-        self._pending = field if self._pending is None else _joined([self._pending, field])
-        batch = self._progress.batch
-        while self._pending.sizes["time"] >= batch:
-            self._flush(self._pending.isel(time=slice(batch)))
-            self._pending = self._pending.isel(time=slice(batch, None))
+        self._pending.append(field)
+        batch, waiting = self._progress.batch, sum(part.sizes["time"] for part in self._pending)
+        if waiting >= batch:
+            together = _joined(self._pending)
+            whole = waiting - waiting % batch
+            for start in range(0, whole, batch):
+                self._flush(together.isel(time=slice(start, start + batch)))
+            self._pending = [together.isel(time=slice(whole, None))] if waiting > whole else []
 
     def _compare(self, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> None:
         for name in sorted(ours.keys() | theirs.keys()):
@@ -175,7 +178,7 @@ class RecordingWriter:
         try:
             with disk_errors(self.path):
                 self._finish()
-        except FieldFileError as problem:
+        except BaseException as problem:  # an interruption too leaves what is complete
             self._keep(problem)
             raise
 
@@ -185,12 +188,13 @@ class RecordingWriter:
             error.add_note(
                 f"{self.done} pairs are complete in {self.partial}; continue with resume=True (--resume)"
             )
-        elif self._pending is not None:
+        elif self._pending:
             remove(self.partial)
 
     def _finish(self) -> None:
-        if self._pending is not None and self._pending.sizes["time"]:
-            self._flush(self._pending)
+        if self._pending:
+            self._flush(_joined(self._pending))
+            self._pending = []
         if not self.done:
             raise FieldFileError(f"{self.path}: nothing was appended, so nothing is written")
         zarrstore.describe(self._store, joined_attrs(self._progress.said))
