@@ -47,6 +47,7 @@ def interleaved(calls: dict[str, Callable[[], object]], repeats: int) -> dict[st
     seconds: dict[str, list[float]] = {name: [] for name in calls}
     for turn in range(repeats + 1):
         for name, call in calls.items():
+            time.sleep(0.05)  # a peer's threads may spin for a while after its call; let them come to rest
             start = time.perf_counter()
             call()
             if turn:
@@ -112,15 +113,17 @@ def cost(repeats: int) -> None:
 
 
 _MEMORY = """
-import resource
+import re
 import numpy as np
 import sixflow
+def peak_memory():  # VmHWM, unlike getrusage, does not count what the parent process had used
+    return int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1])
 frame0, frame1 = np.load({file!r})
 rows = slice(0, 128)
 sixflow.measure(frame0[rows, rows], frame1[rows, rows])
-base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+base = peak_memory()
 field = sixflow.measure(frame0, frame1)
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+peak = peak_memory()
 print(base / 1024, peak / 1024, field.attrs["memory_bytes"] / 2**20)
 """
 
@@ -184,6 +187,8 @@ def _python(code: str, environment: dict[str, str] | None = None) -> str:
 
 
 def _timed(code: str, environment: dict[str, str] | None = None) -> float:
+    environment = dict(os.environ if environment is None else environment)
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # as an installed package has it
     begin = time.perf_counter()
     _python(code, environment)
     return time.perf_counter() - begin

@@ -15,6 +15,7 @@ wave number k goes from M = exp(−k²σ²/2) to 1 − (1 − M)^(n+1).
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,7 @@ class Workspace:
 
     def array(self, name: str, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
         """Return an uninitialised array, the same one as the last time if it fits."""
-        size = int(np.prod(shape))
+        size = math.prod(shape)
         stored = self._arrays.get(name)
         if stored is None or stored.size < size or stored.dtype != dtype:
             stored = self._arrays[name] = np.empty(size, dtype)

@@ -36,7 +36,7 @@ def add_weighted(
     """out[at + k, place + x] += Σ_row weights[k, tap + row] · lines[first + row, column + x] for k <
     orders, x < n.
 
-    Eight rows at a time, one output and eight inputs a loop: with more, the compiler no longer proves
+    Four rows at a time, one output and four inputs a loop: with more, the compiler no longer proves
     that they do not overlap, and writes scalar code. Offsets are arguments, and slices are taken of
     single rows, because a slice of a two-dimensional array is not known to be contiguous.
 
@@ -47,19 +47,16 @@ def add_weighted(
     weights : array, shape (≥ orders, taps)
     out : array, shape (…, …)
     """
-    eights = count - count % 8
-    for row in range(0, eights, 8):
+    fours = count - count % 4
+    for row in range(0, fours, 4):
         f0, f1 = lines[first + row][column : column + n], lines[first + row + 1][column : column + n]
         f2, f3 = lines[first + row + 2][column : column + n], lines[first + row + 3][column : column + n]
-        f4, f5 = lines[first + row + 4][column : column + n], lines[first + row + 5][column : column + n]
-        f6, f7 = lines[first + row + 6][column : column + n], lines[first + row + 7][column : column + n]
         for k in range(orders):
-            s, w = out[at + k][place : place + n], weights[k][tap + row : tap + row + 8]
-            w0, w1, w2, w3, w4, w5, w6, w7 = w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7]
+            s, w = out[at + k][place : place + n], weights[k][tap + row : tap + row + 4]
+            w0, w1, w2, w3 = w[0], w[1], w[2], w[3]
             for x in range(n):
-                left = (w0 * f0[x] + w1 * f1[x]) + (w2 * f2[x] + w3 * f3[x])
-                s[x] += left + ((w4 * f4[x] + w5 * f5[x]) + (w6 * f6[x] + w7 * f7[x]))
-    for row in range(eights, count):
+                s[x] += (w0 * f0[x] + w1 * f1[x]) + (w2 * f2[x] + w3 * f3[x])
+    for row in range(fours, count):
         f = lines[first + row][column : column + n]
         for k in range(orders):
             s, weight = out[at + k][place : place + n], weights[k, tap + row]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 
 
@@ -23,11 +23,22 @@ def _pool(process: int) -> ThreadPoolExecutor:
 
 
 def over_strips(task: Callable[[int, int], None], rows: int, height: int) -> None:
-    """Call `task(start, stop)` for every strip of `height` rows, on all processors; return when all are done."""
+    """Call `task(start, stop)` for every strip of `height` rows, on all processors; return when all are done.
+
+    The calling thread works too, and every thread takes the next strip when it is free: one wake-up a call.
+    """
     strips = [(start, min(start + height, rows)) for start in range(0, rows, height)]
-    if len(strips) == 1 or worker_count() == 1:
-        for start, stop in strips:
+    remaining = iter(strips)  # its next() is atomic
+
+    def work() -> None:
+        for start, stop in remaining:
             task(start, stop)
-        return
-    for done in [_pool(os.getpid()).submit(task, start, stop) for start, stop in strips]:
-        done.result()
+
+    helpers = min(worker_count(), len(strips)) - 1
+    done = [_pool(os.getpid()).submit(work) for _ in range(helpers)]
+    try:
+        work()
+    finally:
+        wait(done)
+    for future in done:
+        future.result()
