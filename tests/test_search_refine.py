@@ -8,7 +8,8 @@ import naive
 from sixflow import measure
 from sixflow.grid import Grid
 from sixflow.normalise import NO_MASK, Frame
-from sixflow.refine import Passes, Workspace, refine
+from sixflow.passes import Passes, Workspace
+from sixflow.refine import refine
 from sixflow.search import finer, level_count, search
 from sixflow.settings import Settings
 from sixflow.sharpen import UniformWindow

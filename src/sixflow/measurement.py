@@ -64,7 +64,7 @@ def measure(
     Least squares of the residual and the gradients of the mean frame under a Gaussian window, solved
     for all six numbers at every grid point and iterated on a dense blend of the field (Eagleson's
     generators, eq. (3), as the window's affine model; the normal equations are derived in
-    `sixflow.refine`).
+    `sixflow.passes`).
 
     Examples
     --------

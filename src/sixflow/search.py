@@ -20,9 +20,9 @@ from sixflow.engine.blend import resample_strip, twist_of
 from sixflow.engine.threads import over_strips
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
-from sixflow.refine import Passes, Workspace, typical
+from sixflow.passes import Passes, Workspace
 from sixflow.settings import Settings
-from sixflow.validate import settle
+from sixflow.validate import settle, typical
 
 LEVEL_PASSES = 4
 SETTLED = 0.1  # px of the level: the next level corrects what is left

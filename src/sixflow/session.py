@@ -21,7 +21,8 @@ from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.grid import Grid
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
-from sixflow.refine import Passes, Workspace, refine
+from sixflow.passes import Passes, Workspace
+from sixflow.refine import refine
 from sixflow.search import search
 from sixflow.settings import Settings
 from sixflow.validate import flag_points

@@ -36,8 +36,12 @@ from sixflow.engine.moments import affine_moments_strip
 from sixflow.engine.threads import over_strips
 from sixflow.engine.window import moment_weights
 from sixflow.grid import Grid
+from sixflow.passes import Passes
+from sixflow.validate import settle, typical
 
 _STRIP = 16
+SHARPEN_PASSES = 8
+SHARPENED = 0.3  # what a sharpening pass leaves of its update, at most (measured: 0.1 to 0.3)
 
 
 class UniformWindow:
@@ -117,3 +121,40 @@ class UniformWindow:
             rest = rest - self.fit(rest)
             total = total + rest
         return total
+
+
+def sharpen(passes: Passes, maps: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Sharpening passes until the points stay, with shorter strides when they do not come nearer.
+
+    Parameters
+    ----------
+    passes : Passes
+        After its last pass in total form.
+    maps : float64 array, shape (6, rows, columns)
+        What that pass found.
+
+    Returns
+    -------
+    maps : float64 array, shape (6, rows, columns)
+        NaN where the last pass failed.
+    left : float64 array, shape (rows, columns)
+        How far each point may still be from its fixed point, px.
+    """
+    settings, step = passes.settings, passes.grid.step
+    window = UniformWindow(passes.grid, settings.sigma, passes.counted())
+    maps = window.deconvolve(settle(maps, step, settings.window), settings.sharpen)
+    left = np.full(passes.grid.shape, np.inf)
+    stride, before = 1.0, np.inf
+    for _ in range(SHARPEN_PASSES):
+        increment = passes.solve(maps, total=False) - maps
+        failed = np.isnan(increment)
+        aim = window.deconvolve(window.fit(maps) + np.where(failed, 0, increment), settings.sharpen)
+        distance = np.where(failed.any(axis=0), np.nan, np.hypot(aim[0] - maps[0], aim[1] - maps[1]))
+        size = typical(distance)
+        if size > 0.7 * before:
+            stride = max(stride / 2, 1 / 8)
+        maps = settle(maps + stride * (aim - maps), step, settings.window)
+        left, before = distance * (SHARPENED if stride == 1 else 1.0), size
+        if typical(left) < settings.tolerance:
+            break
+    return np.where(np.isnan(left), np.nan, maps), left

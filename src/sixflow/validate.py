@@ -25,7 +25,7 @@ from sixflow.normalise import Frame
 from sixflow.settings import Settings
 
 if TYPE_CHECKING:
-    from sixflow.refine import Quality
+    from sixflow.passes import Quality
 
 LIMIT = 3.0
 FLOOR = 0.1  # px: disagreement that is never held against a point
@@ -179,6 +179,12 @@ def settle(maps: NDArray[Any], step: int, window: float) -> NDArray[Any]:
     if outlier.any():
         maps = np.where(outlier, np.nan, maps)
     return fill_failed(maps, step)
+
+
+def typical(left: NDArray[Any]) -> float:
+    """What 98 % of the points do not exceed."""
+    known = left[np.isfinite(left)]
+    return float(np.quantile(known, 0.98)) if known.size else np.inf
 
 
 def flag_points(

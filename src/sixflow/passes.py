@@ -1,0 +1,340 @@
+"""Passes: one least-squares pass over the whole field at once, and what it says of every window.
+
+One pass blends the grid's local affine maps to a dense displacement U, warps the moved frame once, and
+solves at every grid point
+
+    minimise Σ_x w(x − p) [r(x) − g·U(x) + g·(d + G(x − p))]²
+
+for the **total** map (d, G), or in increment form, with r alone, for what U leaves. Six numbers per point
+are redundant for a dense field; were each pass to add an increment, errors in the redundant directions
+would never be corrected. In the total form the fixed point is the window's own least-squares affine
+fit, whatever U was, and noise does not grow with passes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.blend import twist_of
+from sixflow.engine.moments import moments_strip, sandwich_strip, statistics_strip
+from sixflow.engine.solve import covariance_strip, explained_strip, noise_feedback, solve_strip, texture_strip
+from sixflow.engine.spline import DEGREE, gradient_noise, noise_variance
+from sixflow.engine.threads import over_strips
+from sixflow.engine.warp import DERIVATIVE, warp_strip
+from sixflow.engine.window import moment_weights, sharpening_noise
+from sixflow.grid import Grid
+from sixflow.normalise import Frame
+from sixflow.settings import Settings
+from sixflow.validate import MINIMUM_TEXTURE, MINIMUM_WEIGHT
+
+STRIP = 64
+GRID_STRIP = 16
+CONTRACTION = 0.05  # what a pass leaves of the distance to its fixed point, at least (measured: 0.01 to 0.03)
+TRUSTED_RESIDUAL = 0.6  # zero-normalised (correlation 0.82), for a start that finer levels build upon
+
+
+class Workspace:
+    """Arrays that passes write into, kept from pass to pass and from pair to pair."""
+
+    def __init__(self) -> None:
+        self._arrays: dict[str, NDArray[Any]] = {}
+
+    def array(self, name: str, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+        """Return an uninitialised array, the same one as the last time if it fits."""
+        size = math.prod(shape)
+        stored = self._arrays.get(name)
+        if stored is None or stored.size < size or stored.dtype != dtype:
+            stored = self._arrays[name] = np.empty(size, dtype)
+        return stored[:size].reshape(shape)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes held."""
+        return sum(a.nbytes for a in self._arrays.values())
+
+
+@dataclasses.dataclass(frozen=True)
+class Quality:
+    """What the last pass says about every grid point.
+
+    Attributes
+    ----------
+    covariance : array, shape (rows, columns, 6, 6)
+        Of the six numbers; NaN where the texture does not rise above the noise.
+    texture : array, shape (rows, columns)
+        Signal-to-noise ratio (power) of the gradient in the window's weakest direction.
+    weight : array, shape (rows, columns)
+        Share of the window's weight on pixels that have a partner, 0 to 1.
+    residual : array, shape (rows, columns)
+        Zero-normalised residual: rms difference / rms contrast of the reference.
+    noise : array, shape (rows, columns)
+        Standard deviation of one frame's noise, from the mean absolute residual.
+    """
+
+    covariance: NDArray[Any]
+    texture: NDArray[Any]
+    weight: NDArray[Any]
+    residual: NDArray[Any]
+    noise: NDArray[Any]
+
+
+class Passes:
+    """Least-squares passes over one level of one frame pair.
+
+    Parameters
+    ----------
+    reference, moved : Frame
+        Both at the level's resolution.
+    grid : Grid
+    settings : Settings
+    workspace : Workspace
+    """
+
+    def __init__(
+        self, reference: Frame, moved: Frame, grid: Grid, settings: Settings, workspace: Workspace
+    ) -> None:
+        self.reference, self.moved, self.grid, self.settings = reference, moved, grid, settings
+        self.workspace = workspace
+        self.dtype = reference.image.dtype
+        self.degree = DEGREE[settings.interpolation]
+        self.coefficients = moved.coefficients(self.degree)
+        self.moved_valid = moved.interpolable()
+        self.weights = moment_weights(settings.sigma).astype(self.dtype)
+        self.by_window = settings.lighting == "gain+offset"
+        self.lighting = np.empty((0, 0, 0, 0), self.dtype)
+        self._update = np.zeros((6, *grid.shape))
+        self._last_seen: _Seen | None = None
+
+    def solve(self, maps: NDArray[Any], *, total: bool = True) -> NDArray[Any]:
+        """Return the maps after one pass, NaN where the equations are singular.
+
+        Parameters
+        ----------
+        maps : float64 array, shape (6, rows, columns)
+            u, v, u_x, u_y, v_x, v_y at the grid points, without NaN.
+        total : bool
+            Total form, or increment form (a sharpening pass).
+        """
+        grid = self.grid
+        plane = _mean_plane(maps, grid)
+        shift = grid.plane(plane)
+        reduced = maps - shift
+        if self.by_window and not self.lighting.size:
+            self._warp(reduced, plane, total)
+            self._estimate_lighting()
+        self._warp(reduced, plane, total)
+        moments = self._moments()
+        solution = np.empty((6, *grid.shape))
+
+        def sums_and_solution(start: int, stop: int) -> None:
+            moments_strip(*self._images(), self.weights, grid.origin_and_step, start, stop, moments)
+            solve_strip(moments, self.settings.sigma, start, stop, solution)
+
+        over_strips(sums_and_solution, grid.rows, GRID_STRIP)
+        if self.by_window:
+            self._estimate_lighting()
+        solution += shift if total else maps
+        self._update = solution - maps
+        self._last_seen = None
+        return solution
+
+    def _moments(self) -> NDArray[Any]:
+        return self.workspace.array("moments", (*self.grid.shape, 24), self.dtype)
+
+    def _images(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        shape, array = self.reference.image.shape, self.workspace.array
+        return (
+            array("gradient_x", shape, self.dtype),
+            array("gradient_y", shape, self.dtype),
+            array("right", shape, self.dtype),
+        )
+
+    def _warp(self, reduced: NDArray[Any], plane: NDArray[Any], total: bool) -> None:
+        """Fill the workspace's gradient, right-hand side and residual (and the warped frame, where the
+        light is estimated).
+        """
+        shape, dtype, grid = self.reference.image.shape, self.dtype, self.grid
+        none = np.empty((0, 0), dtype)
+        residual = self.workspace.array("residual", shape, dtype)
+        warped = self.workspace.array("warped", shape, dtype) if self.by_window else none
+        local, twist = reduced.astype(dtype), twist_of(reduced, grid.step).astype(dtype)
+        images, plane, variance = self._images(), plane.astype(dtype), noise_variance(self.degree)
+        over_strips(
+            lambda start, stop: warp_strip(
+                self.reference.image, self.coefficients, self.reference.valid, self.moved_valid,
+                local, twist, grid.origin_and_step, plane, self.lighting, self.degree, total, variance,
+                start, stop, *images, residual, warped,
+            ),
+            shape[0],
+            STRIP,
+        )  # fmt: skip
+
+    def _statistics(self, image: NDArray[Any], name: str) -> NDArray[np.float64]:
+        """Window sums of 1, |r|, r², I, I² of an image over the pixels that have a partner; shape (5,
+        rows, columns).
+        """
+        out = self.workspace.array(name, (*self.grid.shape, 5), self.dtype)
+        residual = self.workspace.array("residual", image.shape, self.dtype)
+        place = self.grid.origin_and_step
+        over_strips(
+            lambda start, stop: statistics_strip(image, residual, self.weights, place, start, stop, out),
+            self.grid.rows,
+            GRID_STRIP,
+        )
+        return np.moveaxis(out, -1, 0).astype(np.float64)
+
+    def _estimate_lighting(self) -> None:
+        """Gain and offset of every window from the mean and standard deviation of the two warped windows.
+
+        The ratio of the standard deviations, unlike a regression of one frame on the other, is not
+        biased by noise.
+        """
+        warped = self.workspace.array("warped", self.reference.image.shape, self.dtype)
+        weight, _, _, mean0, power0 = self._statistics(self.reference.image, "statistics")
+        _, _, _, mean1, power1 = self._statistics(warped, "statistics_of_moved")
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean0, mean1 = mean0 / weight, mean1 / weight
+            gain = np.sqrt((power1 / weight - mean1**2) / (power0 / weight - mean0**2))
+        gain = np.where(np.isfinite(gain) & (gain > 0.05) & (gain < 20), gain, 1.0)
+        offset = np.where(np.isfinite(mean0), mean1 - gain * mean0, 0.0)
+        step = self.grid.step
+        self.lighting = np.zeros((2, 4, *self.grid.shape), self.dtype)
+        for k, plane in enumerate((gain, offset)):
+            self.lighting[k, 0] = plane
+            for slope, axis in ((1, 1), (2, 0)):
+                if plane.shape[axis] > 1:
+                    self.lighting[k, slope] = np.gradient(plane, step, axis=axis)
+
+    def trust(self) -> NDArray[np.bool_]:
+        """Where the last pass saw a texture above the noise, in windows that look alike; shape (rows,
+        columns).
+        """
+        seen = self._seen()
+        with np.errstate(invalid="ignore"):
+            similar = (seen.residual < TRUSTED_RESIDUAL) & (seen.weight > MINIMUM_WEIGHT)
+        return similar & (seen.texture > MINIMUM_TEXTURE)
+
+    def contraction(self) -> NDArray[Any]:
+        """What one more pass leaves of the distance to the fixed point, at most; shape (rows, columns)."""
+        rho = self._seen().rho
+        with np.errstate(invalid="ignore", divide="ignore"):
+            noise_share = np.where(rho >= 0, rho / (1 + rho), 1.0)
+        rate = np.clip(noise_share, CONTRACTION, 0.9)
+        return rate / (1 - rate)
+
+    def counted(self) -> NDArray[np.bool_]:
+        """Pixels that had a partner in the last pass; shape (height, width)."""
+        return np.isfinite(self.workspace.array("residual", self.reference.image.shape, self.dtype))
+
+    def explained(self) -> float:
+        """Share of the residual's power that the last update took out, median over the points."""
+        return 1 - float(np.nanmedian(self._seen().left))
+
+    def quality(self, sharpened: int = 0) -> Quality:
+        """Covariance and quality of what the last pass found, after `sharpened` sharpening passes."""
+        grid, dtype, sigma = self.grid, self.dtype, self.settings.sigma
+        gradient_x, gradient_y, _ = self._images()
+        frame_residual = self.workspace.array("residual", self.reference.image.shape, dtype)
+        sandwich = self.workspace.array("sandwich", (*grid.shape, 18), dtype)
+        squared = moment_weights(sigma, power=2).astype(dtype)
+        place = grid.origin_and_step
+        over_strips(
+            lambda start, stop: sandwich_strip(
+                gradient_x, gradient_y, frame_residual, squared, place, start, stop, sandwich
+            ),
+            grid.rows,
+            GRID_STRIP,
+        )
+        seen = self._seen()
+        sandwich *= np.nan_to_num(seen.left, nan=1.0)[..., None].astype(dtype)
+        covariance = np.empty((*grid.shape, 6, 6), dtype)
+        moments, feedback, transform = self._moments(), noise_feedback(), _six_from_unknowns(sigma, sharpened)
+        over_strips(
+            lambda start, stop: covariance_strip(
+                moments, sandwich, seen.noise_gradient, seen.rho, feedback, transform, start, stop, covariance
+            ),
+            grid.rows,
+            GRID_STRIP,
+        )
+        return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise)
+
+    def _seen(self) -> _Seen:
+        """Noise, texture and similarity of every window in the last pass; computed once per pass."""
+        if self._last_seen is None:
+            self._last_seen = self._look()
+        return self._last_seen
+
+    def _look(self) -> _Seen:
+        weight, absolute, square, mean, power = self._statistics(self.reference.image, "statistics")
+        moments, shape = self._moments(), self.grid.shape
+        explained, texture, rho = np.empty(shape), np.empty(shape), np.empty(shape)
+        over_strips(
+            lambda start, stop: explained_strip(
+                moments, self._update, self.settings.sigma, start, stop, explained
+            ),
+            self.grid.rows,
+            GRID_STRIP,
+        )
+        with np.errstate(invalid="ignore", divide="ignore"):
+            left = np.clip(1 - explained / square, 0.01, 1)
+            noise = np.sqrt(left) * absolute / weight * np.sqrt(np.pi) / 2  # E|r| = √(2/π)·√2·noise
+            contrast = np.sqrt(np.maximum(power / weight - (mean / weight) ** 2, 0))
+            residual = np.sqrt(left * square / weight) / contrast
+        noise_gradient = gradient_noise(self.degree, DERIVATIVE) * noise**2 * weight
+        over_strips(
+            lambda start, stop: texture_strip(moments, noise_gradient, start, stop, texture, rho),
+            self.grid.rows,
+            GRID_STRIP,
+        )
+        return _Seen(weight, noise, residual, left, noise_gradient, texture, rho)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Seen:
+    """What a pass saw in every window; arrays of shape (rows, columns).
+
+    weight with a partner; noise of one frame; zero-normalised residual; the share of Σ w r² that the
+    pass's own update left; what noise adds to Σ w g_x²; texture and rho of `solve.texture_strip`.
+    """
+
+    weight: NDArray[Any]
+    noise: NDArray[Any]
+    residual: NDArray[Any]
+    left: NDArray[Any]
+    noise_gradient: NDArray[Any]
+    texture: NDArray[Any]
+    rho: NDArray[Any]
+
+
+def _mean_plane(maps: NDArray[Any], grid: Grid) -> NDArray[np.float64]:
+    """One affine map about pixel (0, 0) close to all maps of the grid: their mean gradient and mean
+    displacement.
+    """
+    mean = maps.mean(axis=(1, 2))
+    x, y = grid.x.mean(), grid.y.mean()
+    mean[0] -= mean[2] * x + mean[3] * y
+    mean[1] -= mean[4] * x + mean[5] * y
+    return mean
+
+
+def _six_from_unknowns(sigma: float, sharpened: int) -> NDArray[np.float64]:
+    """Matrix from θ = (u, σu_x, σu_y, v, σv_x, σv_y) to the six numbers, with the noise factors of
+    sharpening.
+    """
+    displacement, gradient = sharpening_noise(sharpened) if sharpened else (1.0, 1.0)
+    g = gradient / sigma
+    return np.array(
+        [
+            [displacement, 0, 0, 0, 0, 0],
+            [0, 0, 0, displacement, 0, 0],
+            [0, g, 0, 0, 0, g],
+            [0, 0, -g, 0, g, 0],
+            [0, g, 0, 0, 0, -g],
+            [0, 0, g, 0, g, 0],
+        ]
+    )
