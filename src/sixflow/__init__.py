@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from sixflow import convention as convention
+    from sixflow import eigenfilters as eigenfilters
     from sixflow import synth as synth
     from sixflow.errors import FieldFileError as FieldFileError
     from sixflow.errors import FrameFileError as FrameFileError
@@ -51,7 +52,7 @@ _HOME = {
     "plot_field": "plot",
     "write_field": "write",
 }
-_MODULES = ("convention", "frames", "plot", "synth", "write")
+_MODULES = ("convention", "eigenfilters", "frames", "plot", "synth", "write")
 
 __all__ = [
     "FieldFileError",
@@ -62,6 +63,7 @@ __all__ = [
     "SixflowError",
     "__version__",
     "convention",
+    "eigenfilters",
     "frames",
     "iterate_sequence",
     "measure",

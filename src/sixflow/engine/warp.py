@@ -263,14 +263,14 @@ def warp_strip(
     scratch = np.empty((2 * (degree + 1) + 2, width), dtype)
     position = np.empty((2, width), dtype)
     warped = np.empty(width, dtype)
-    gain = np.empty(width, dtype)
-    offset = np.empty(width, dtype)
+    tone = np.empty((2, width), dtype)
     variance = np.empty(width if residual.size else 0, dtype)
     for k in range(high - low):
         y = low + k
         u, v = dense[0, k], dense[1, k]
-        blend_row(maps[0], maps[2], maps[3], twist[0], x0, y0, step, y, basis, line, u)
-        blend_row(maps[1], maps[4], maps[5], twist[1], x0, y0, step, y, basis, line, v)
+        for c in range(2):
+            value, slope_x, slope_y = maps[c], maps[2 + 2 * c], maps[3 + 2 * c]
+            blend_row(value, slope_x, slope_y, twist[c], x0, y0, step, y, basis, line, dense[c, k])
         base_u, base_v = plane[0] + plane[3] * y, plane[1] + plane[5] * y
         slope_u, slope_v = plane[2], plane[4]
         whole_u, whole_v = position[0], position[1]
@@ -284,32 +284,10 @@ def warp_strip(
             for x in range(width):
                 moved[y, x] = warped[x]
         if lighting.size:
-            blend_row(
-                lighting[0, 0],
-                lighting[0, 1],
-                lighting[0, 2],
-                lighting[0, 3],
-                x0,
-                y0,
-                step,
-                y,
-                basis,
-                line,
-                gain,
-            )
-            blend_row(
-                lighting[1, 0],
-                lighting[1, 1],
-                lighting[1, 2],
-                lighting[1, 3],
-                x0,
-                y0,
-                step,
-                y,
-                basis,
-                line,
-                offset,
-            )
+            for c in range(2):
+                light = lighting[c]
+                blend_row(light[0], light[1], light[2], light[3], x0, y0, step, y, basis, line, tone[c])
+            gain, offset = tone[0], tone[1]
             for x in range(width):
                 warped[x] = (warped[x] - offset[x]) / gain[x]
         r, middle = difference[k], mean[k][HALO : HALO + width]
