@@ -8,6 +8,7 @@ After R. Eagleson, *Measurement of Motion-Induced Image Deformations*, §§3–5
 | `coordinates` | canonical coordinates of a commuting pair |
 | `kernel`, `kernels` | Gabor, spiral and hyperbolic kernels and their derivatives |
 | `temporal` | weights over several frames |
+| `geometry`, `window` | what kernels are made of |
 | `bank`, `default` | a bank of kernels: matrices, noise, whitening, picture |
 | `neighbourhood` | log-polar and hyperbolic maps of an image, and their correlation |
 | `joint` | all six numbers at once from the responses of a bank |
@@ -29,4 +30,4 @@ from sixflow.eigenfilters.kernels import Spiral as Spiral
 from sixflow.eigenfilters.neighbourhood import correlation_surface as correlation_surface
 from sixflow.eigenfilters.neighbourhood import hyperbolic_map as hyperbolic_map
 from sixflow.eigenfilters.neighbourhood import log_polar_map as log_polar_map
-from sixflow.eigenfilters.temporal import temporal as temporal
+from sixflow.eigenfilters.temporal import temporal_weights as temporal_weights

@@ -27,7 +27,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from sixflow.convention.six import GENERATOR_NAMES
-from sixflow.eigenfilters.kernel import Complex, Kernel, Real, require_radius
+from sixflow.eigenfilters.geometry import Real, require_radius
+from sixflow.eigenfilters.kernel import Complex, Kernel
 from sixflow.errors import InputError
 
 if TYPE_CHECKING:

@@ -41,7 +41,7 @@ def default_bank(
     *,
     wavelengths: tuple[float, float] = (7.0, 21.0),
 ) -> FilterBank:
-    """A bank of 20 to 54 complex kernels for a window.
+    """A bank of up to 54 complex kernels for a window.
 
     Parameters
     ----------

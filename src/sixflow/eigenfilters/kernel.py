@@ -16,7 +16,8 @@ For a pair (L₁, L₂) with canonical coordinates (η, ξ) the kernel is (Eagle
 
 The response at p is the correlation g = Σ_o I(p + o) w(o) over the pixels o of a square patch, rows (y) first.
 Where the pattern moves along L₁ by τ (`I1(exp(τL₁) x) = I0(x)`), η grows by τ and g is multiplied by the
-eigenvalue λ = exp(−iuτ); the window and the DC term make this a law to first order in (τ / width of the window).
+eigenvalue λ = exp(−iuτ). The window gives the kernel a bandwidth about (u, v): λ is that of its own wave, and of other
+patterns on average; for each of them the derivative kernels below are exact to first order in τ.
 
 (As corrected here: the print has neither window nor DC term; without them the log-polar and hyperbolic kernels are
 singular, and respond to a constant.)
@@ -26,12 +27,7 @@ The derivative kernel of a generator L_k = a_k·∇ is
     h_k = ∇·(a_k w) = a_k·∇w + w ∇·a_k,   so that   ∂g/∂τ_k = ⟨I, h_k⟩ = −⟨a_k·∇I, w⟩
 
 while the pattern moves along L_k by τ_k: the derivative falls on the smooth kernel, never on the noisy image. It is
-analytic. With ψ = log of an exponential term, ∇w = w∇ψ; the gradients follow from the fields of the pair alone,
-
-    ∇η = (b_y, −b_x)/D,   ∇ξ = (−a_y, a_x)/D,   D = a_x b_y − a_y b_x = ± 1/|J|,
-    ∇log|J| = −(∇·a) ∇η − (∇·b) ∇ξ,
-
-a and b being the fields of L₁ and L₂.
+analytic: with ψ the logarithm of an exponential term, ∇w = w∇ψ (`geometry`, `window`).
 """
 
 from __future__ import annotations
@@ -40,53 +36,17 @@ import abc
 import functools
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sixflow.eigenfilters.coordinates import canonical
-from sixflow.eigenfilters.generators import Generator, GeneratorLike, as_generator
+from sixflow.eigenfilters.generators import GeneratorLike, as_generator
+from sixflow.eigenfilters.geometry import Geometry, Real, geometry_of, patch, require_radius, safe
+from sixflow.eigenfilters.window import Window
 from sixflow.errors import InputError
 
 Complex: TypeAlias = NDArray[np.complex128]
-Real: TypeAlias = NDArray[np.float64]
-
-LARGEST_RADIUS = 512
-
-
-class Geometry(NamedTuple):
-    """Canonical coordinates of a pair at points, all shape (n,).
-
-    Attributes
-    ----------
-    eta, xi : arrays
-        Canonical coordinates.
-    grad_eta, grad_xi : arrays, shape (2, n)
-        Their gradients, 1/px.
-    log_jacobian : array
-        log |∂(η, ξ)/∂(x, y)|.
-    grad_log_jacobian : array, shape (2, n)
-        Its gradient, 1/px.
-    """
-
-    eta: Real
-    xi: Real
-    grad_eta: Real
-    grad_xi: Real
-    log_jacobian: Real
-    grad_log_jacobian: Real
-
-
-class Window(NamedTuple):
-    """Logarithm of a window, (n,), and its gradient, (2, n); windows are multiplied by `times`."""
-
-    log: Real
-    gradient: Real
-
-    def times(self, other: Window) -> Window:
-        """Product of two windows."""
-        return Window(self.log + other.log, self.gradient + other.gradient)
 
 
 class Terms(NamedTuple):
@@ -193,8 +153,8 @@ class Kernel(abc.ABC):
         Returns
         -------
         complex128 array, shape (2 radius + 1, 2 radius + 1)
-            h at [y, x]. ∇·(a w) has no response to a constant; the small one that is left by cutting the
-            window at the edge of the patch is taken out, except for the equal-DC pair.
+            h at [y, x]. ∇·(a w) has no response to a constant; the small one that cutting at the edge of the
+            patch, and sampling, leave is taken out along the envelope, except for the equal-DC pair.
 
         Raises
         ------
@@ -271,53 +231,3 @@ def _constants(kernel: Kernel, radius: int) -> tuple[float, complex]:
     if not power > 1e-6:
         raise InputError(f"radius={radius}: {kernel} is constant on the patch; raise its order or its width")
     return 1 / (power * largest), dc
-
-
-def geometry_of(pair: tuple[str, str], x: Real, y: Real) -> tuple[Geometry, NDArray[np.bool_]]:
-    """Canonical coordinates of a pair, and where they are regular; elsewhere they are those of another point."""
-    first, second = as_generator(pair[0]), as_generator(pair[1])
-    regular = np.abs(_determinant(first, second, x, y)) > 1e-12
-    x, y = safe(x, y, regular)
-    coordinates = canonical(*pair)
-    (a_x, a_y), (b_x, b_y) = first.field(x, y), second.field(x, y)
-    D = a_x * b_y - a_y * b_x
-    grad_eta, grad_xi = np.stack([b_y / D, -b_x / D]), np.stack([-a_y / D, a_x / D])
-    return Geometry(
-        coordinates.eta(x, y),
-        coordinates.xi(x, y),
-        grad_eta,
-        grad_xi,
-        -np.log(np.abs(D)),
-        -first.divergence * grad_eta - second.divergence * grad_xi,
-    ), regular
-
-
-def safe(x: Real, y: Real, regular: NDArray[np.bool_]) -> tuple[Real, Real]:
-    """The points, with a point where every pair is regular in place of singular ones."""
-    return np.where(regular, x, 2.0), np.where(regular, y, 1.0)
-
-
-def _determinant(first: Generator, second: Generator, x: Real, y: Real) -> Real:
-    (a_x, a_y), (b_x, b_y) = first.field(x, y), second.field(x, y)
-    return np.asarray(a_x * b_y - a_y * b_x, np.float64)
-
-
-def patch(radius: int) -> tuple[Real, Real]:
-    """Offsets x and y of the pixels of a square patch, row by row, shape ((2 radius + 1)²,)."""
-    offsets = np.arange(-radius, radius + 1, dtype=np.float64)
-    y, x = np.meshgrid(offsets, offsets, indexing="ij")
-    return x.ravel(), y.ravel()
-
-
-def require_radius(radius: Any) -> int:
-    """Return a radius of a patch as an int.
-
-    Raises
-    ------
-    InputError
-        If it is no whole number from 1 to 512.
-    """
-    whole = isinstance(radius, int | np.integer) and not isinstance(radius, bool)
-    if not (whole and 1 <= radius <= LARGEST_RADIUS):
-        raise InputError(f"radius={radius!r}: must be a whole number of px from 1 to {LARGEST_RADIUS}")
-    return int(radius)

@@ -19,7 +19,9 @@ from typing import Any, Literal
 import numpy as np
 
 from sixflow.eigenfilters.coordinates import canonical
-from sixflow.eigenfilters.kernel import Geometry, Kernel, Real, Window
+from sixflow.eigenfilters.geometry import Geometry, Real
+from sixflow.eigenfilters.kernel import Kernel
+from sixflow.eigenfilters.window import Window, gaussian, log_gaussian
 from sixflow.errors import InputError
 
 HYPERBOLIC_PAIRS = {"stretch": ("L_b", "L_s"), "shear": ("L_B", "L_s")}
@@ -42,8 +44,9 @@ class Gabor(Kernel):
     shape : {"quadrature", "equal-dc"}
         "quadrature": cosine and sine, of which the cosine is made free of DC. "equal-dc": the pair
         cos(ux + vy − π/4), cos(ux + vy + π/4) of §4.2, mirror images with the same response to a constant
-        and the same amplitude spectrum; no DC is removed. (As corrected here: a uniform change of light then
-        leaves the phase unbiased only on average; where that matters, use the quadrature pair, free of DC.)
+        and the same amplitude spectrum; no DC is removed. (As
+        corrected here: equal DC is not none. A uniform patch has the phase π/4, to which the phase of a pattern
+        on a bright ground is drawn; that of the quadrature pair, free of DC, is not.)
 
     Raises
     ------
@@ -289,20 +292,6 @@ class Hyperbolic(Kernel):
     def _signs(self, x: Real, y: Real) -> Real:
         sector = canonical(*self.generators).sector(x, y)
         return np.where(sector < 0, 0.0, np.array(self.signs, np.float64)[sector])
-
-
-def gaussian(x: Real, y: Real, sigma: float | None) -> Window:
-    """Window exp(−(x² + y²)/(2σ²)); 1 if σ is None."""
-    if sigma is None:
-        return Window(np.zeros_like(x), np.zeros((2, *x.shape)))
-    return Window(-(x * x + y * y) / (2 * sigma**2), -np.stack([x, y]) / sigma**2)
-
-
-def log_gaussian(x: Real, y: Real, scale: float, bandwidth: float) -> Window:
-    """Window exp(−log²(r/scale)/(2 bandwidth²))."""
-    square = x * x + y * y
-    log = np.log(square / scale**2) / 2
-    return Window(-(log**2) / (2 * bandwidth**2), -log / bandwidth**2 * np.stack([x, y]) / square)
 
 
 def _number(

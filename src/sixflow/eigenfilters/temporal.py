@@ -46,7 +46,7 @@ class TemporalWeights(NamedTuple):
     derivative: NDArray[np.float64]
 
 
-def temporal(frames: int, kind: TemporalKind = "centred") -> TemporalWeights:
+def temporal_weights(frames: int, kind: TemporalKind = "centred") -> TemporalWeights:
     """Weights of value and temporal derivative over n frames.
 
     Parameters
@@ -73,7 +73,7 @@ def temporal(frames: int, kind: TemporalKind = "centred") -> TemporalWeights:
 
     Examples
     --------
-    >>> temporal(2).derivative, temporal(3, "causal").value.round(3)
+    >>> temporal_weights(2).derivative, temporal_weights(3, "causal").value.round(3)
     (array([-1.,  1.]), array([-0.167,  0.333,  0.833]))
     """
     whole: Any = isinstance(frames, int | np.integer) and not isinstance(frames, bool)
