@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from sixflow.engine.blend import blend_row, hermite_basis
 from sixflow.engine.compiler import kernel
+from sixflow.engine.fir import reflect
 from sixflow.engine.spline import PAD
 
 DERIVATIVE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
@@ -205,6 +206,90 @@ def warp_row(
 
 
 @kernel
+def _position_row(
+    maps: NDArray[Any], twist: NDArray[Any], grid: tuple[int, int, int], plane: NDArray[Any], y: int,
+    basis: NDArray[Any], line: NDArray[Any], dense: NDArray[Any], whole: NDArray[Any],
+) -> None:  # fmt: skip
+    """Dense displacement of a row, less the plane (`dense`, shape (2, width)) and with it (`whole`)."""
+    x0, y0, step = grid
+    for c in range(2):
+        value, slope_x, slope_y, part, target = maps[c], maps[2 + 2 * c], maps[3 + 2 * c], dense[c], whole[c]
+        blend_row(value, slope_x, slope_y, twist[c], x0, y0, step, y, basis, line, part)
+        base, slope = plane[c] + plane[3 + 2 * c] * y, plane[2 + 2 * c]
+        for x in range(part.size):
+            target[x] = part[x] + (base + slope * x)
+
+
+@kernel
+def _relight_row(
+    lighting: NDArray[Any], grid: tuple[int, int, int], y: int, basis: NDArray[Any], line: NDArray[Any],
+    tone: NDArray[Any], warped: NDArray[Any],
+) -> None:  # fmt: skip
+    """Take gain and offset out of a row of the warped frame; `tone` is scratch of shape (2, width)."""
+    x0, y0, step = grid
+    for c in range(2):
+        light = lighting[c]
+        blend_row(light[0], light[1], light[2], light[3], x0, y0, step, y, basis, line, tone[c])
+    gain, offset = tone[0], tone[1]
+    for x in range(warped.size):
+        warped[x] = (warped[x] - offset[x]) / gain[x]
+
+
+@kernel
+def _compare_row(
+    still: NDArray[Any], warped: NDArray[Any], valid: NDArray[Any], r: NDArray[Any], mean: NDArray[Any]
+) -> None:
+    """Residual of a row and its mean frame, continued by HALO on both sides; `valid` has size 0 or the row's."""
+    width = still.size
+    middle = mean[HALO : HALO + width]
+    for x in range(width):
+        r[x] = warped[x] - still[x]
+    for x in range(width):
+        middle[x] = still[x] + (r[x] / 2 if r[x] == r[x] else 0 * still[x])
+    for x in range(valid.size):  # what is under the mask must not show in the gradients beside it
+        if valid[x] == 0:
+            middle[x] = warped[x]
+            r[x] = np.nan
+    for x in range(HALO):  # odd extension: the gradient goes on as it was at the border
+        mean[x] = 2 * mean[HALO] - mean[2 * HALO - x]
+        mean[width + HALO + x] = 2 * mean[width + HALO - 1] - mean[width + HALO - 2 - x]
+
+
+@kernel
+def _gradient_row(
+    mean: NDArray[Any], low: int, y: int, height: int, target_x: NDArray[Any], target_y: NDArray[Any]
+) -> None:
+    """8th-order differences of row y of the mean frame, whose first row is `low`; the frame goes on oddly."""
+    width = target_x.size
+    centre = mean[y - low]
+    l1, l2, l3, l4 = centre[3:], centre[2:], centre[1:], centre
+    r1, r2, r3, r4 = centre[5:], centre[6:], centre[7:], centre[8:]
+    for x in range(width):
+        target_x[x] = (
+            _D1 * (r1[x] - l1[x]) + _D2 * (r2[x] - l2[x]) + _D3 * (r3[x] - l3[x]) + _D4 * (r4[x] - l4[x])
+        )
+    for x in range(width):
+        target_y[x] = 0
+    for d in range(1, HALO + 1):
+        up_row, up_sign, up_first, up_last = reflect(y - d, height, True)
+        down_row, down_sign, down_first, down_last = reflect(y + d, height, True)
+        up, down = mean[up_row - low, HALO:], mean[down_row - low, HALO:]
+        weight = DERIVATIVE[d - 1]
+        a, b = weight * down_sign, weight * up_sign
+        for x in range(width):
+            target_y[x] += a * down[x] - b * up[x]
+        first, last = weight * (down_first - up_first), weight * (down_last - up_last)
+        if first != 0:
+            border = mean[0 - low, HALO:]
+            for x in range(width):
+                target_y[x] += first * border[x]
+        if last != 0:
+            border = mean[height - 1 - low, HALO:]
+            for x in range(width):
+                target_y[x] += last * border[x]
+
+
+@kernel
 def warp_strip(
     reference: NDArray[Any],
     coefficients: NDArray[Any],
@@ -250,93 +335,42 @@ def warp_strip(
         The moved frame brought back; NaN where a pixel has no partner. Without lighting correction.
     """
     height, width = reference.shape
-    x0, y0, step = grid
+    step = grid[2]
     dtype = reference.dtype
     zero = dtype.type(0)
     low, high = max(0, start - HALO), min(height, stop + HALO)
     mean = np.empty((high - low, width + 2 * HALO), dtype)
     difference = np.empty((high - low, width), dtype)
-    dense = np.empty((2, high - low, width), dtype)
+    dense = np.empty((high - low, 2, width), dtype)
     line = np.empty((2, maps.shape[2]), dtype)
     basis = np.empty((4, step), dtype)
     hermite_basis(step, basis)
     scratch = np.empty((2 * (degree + 1) + 2, width), dtype)
-    position = np.empty((2, width), dtype)
+    position, tone = np.empty((2, width), dtype), np.empty((2, width), dtype)
     warped = np.empty(width, dtype)
-    tone = np.empty((2, width), dtype)
     variance = np.empty(width if residual.size else 0, dtype)
+    everywhere = np.empty(0, np.uint8)
     for k in range(high - low):
         y = low + k
-        u, v = dense[0, k], dense[1, k]
-        for c in range(2):
-            value, slope_x, slope_y = maps[c], maps[2 + 2 * c], maps[3 + 2 * c]
-            blend_row(value, slope_x, slope_y, twist[c], x0, y0, step, y, basis, line, dense[c, k])
-        base_u, base_v = plane[0] + plane[3] * y, plane[1] + plane[5] * y
-        slope_u, slope_v = plane[2], plane[4]
-        whole_u, whole_v = position[0], position[1]
-        for x in range(width):
-            whole_u[x] = u[x] + (base_u + slope_u * x)
-        for x in range(width):
-            whole_v[x] = v[x] + (base_v + slope_v * x)
-        warp_row(coefficients, moved_valid, whole_u, whole_v, y, scratch, warped, variance, noise)
-        still = reference[y]
+        _position_row(maps, twist, grid, plane, y, basis, line, dense[k], position)
+        warp_row(coefficients, moved_valid, position[0], position[1], y, scratch, warped, variance, noise)
         if moved.size and start <= y < stop:
+            target = moved[y]
             for x in range(width):
-                moved[y, x] = warped[x]
+                target[x] = warped[x]
         if lighting.size:
-            for c in range(2):
-                light = lighting[c]
-                blend_row(light[0], light[1], light[2], light[3], x0, y0, step, y, basis, line, tone[c])
-            gain, offset = tone[0], tone[1]
-            for x in range(width):
-                warped[x] = (warped[x] - offset[x]) / gain[x]
-        r, middle = difference[k], mean[k][HALO : HALO + width]
-        for x in range(width):
-            r[x] = warped[x] - still[x]
-        for x in range(width):
-            middle[x] = still[x] + (r[x] / 2 if r[x] == r[x] else zero)
-        if reference_valid.size:  # what is under the mask must not show in the gradients beside it
-            for x in range(width):
-                if reference_valid[y, x] == 0:
-                    middle[x] = warped[x]
-                    r[x] = np.nan
+            _relight_row(lighting, grid, y, basis, line, tone, warped)
+        valid = reference_valid[y] if reference_valid.size else everywhere
+        _compare_row(reference[y], warped, valid, difference[k], mean[k])
         if residual.size and start <= y < stop:
-            target = residual[y]
+            r, target = difference[k], residual[y]
             for x in range(width):
                 target[x] = r[x] * math.sqrt(2 / (1 + variance[x]))
-        for x in range(HALO):  # odd extension: the gradient goes on as it was at the border
-            mean[k, x] = 2 * mean[k, HALO] - mean[k, 2 * HALO - x]
-            mean[k, width + HALO + x] = 2 * mean[k, width + HALO - 1] - mean[k, width + HALO - 2 - x]
     for y in range(start, stop):
         k = y - low
-        centre = mean[k]
-        l1, l2, l3, l4 = centre[3:], centre[2:], centre[1:], centre
-        r1, r2, r3, r4 = centre[5:], centre[6:], centre[7:], centre[8:]
         target_x, target_y, target = gradient_x[y], gradient_y[y], right[y]
-        for x in range(width):
-            target_x[x] = (
-                _D1 * (r1[x] - l1[x]) + _D2 * (r2[x] - l2[x]) + _D3 * (r3[x] - l3[x]) + _D4 * (r4[x] - l4[x])
-            )
-        for x in range(width):
-            target_y[x] = 0
-        for d in range(1, HALO + 1):
-            above, below = max(y - d, 0) - low, min(y + d, height - 1) - low
-            up, down = mean[above, HALO:], mean[below, HALO:]
-            weight = DERIVATIVE[d - 1]
-            if y - d < 0:
-                across = mean[min(d - y, height - 1) - low, HALO:]
-                edge = mean[0 - low, HALO:]
-                for x in range(width):
-                    target_y[x] += weight * (down[x] - 2 * edge[x] + across[x])
-            elif y + d > height - 1:
-                across = mean[max(2 * (height - 1) - y - d, 0) - low, HALO:]
-                edge = mean[height - 1 - low, HALO:]
-                for x in range(width):
-                    target_y[x] += weight * (2 * edge[x] - across[x] - up[x])
-            else:
-                for x in range(width):
-                    target_y[x] += weight * (down[x] - up[x])
-        u, v, r = dense[0, k], dense[1, k], difference[k]
+        _gradient_row(mean, low, y, height, target_x, target_y)
+        u, v, r = dense[k, 0], dense[k, 1], difference[k]
         if reference_valid.size:  # a gradient that would need a pixel without a partner beside a masked one
             for x in range(width):
                 if target_x[x] != target_x[x] or target_y[x] != target_y[x]:
