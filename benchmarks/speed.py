@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import random
 import statistics
 import subprocess
 import sys
@@ -43,10 +44,14 @@ def frames(side: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def interleaved(calls: dict[str, Callable[[], object]], repeats: int) -> dict[str, float]:
-    """Median seconds of each call, all called in turn; one call of each to warm up."""
+    """Median seconds of each call, all called in turn, each turn in another order; one call of each to warm up."""
+    shuffle = random.Random(0).shuffle
+    names = list(calls)
     seconds: dict[str, list[float]] = {name: [] for name in calls}
     for turn in range(repeats + 1):
-        for name, call in calls.items():
+        shuffle(names)
+        for name in names:
+            call = calls[name]
             time.sleep(0.05)  # a peer's threads may spin for a while after its call; let them come to rest
             start = time.perf_counter()
             call()
