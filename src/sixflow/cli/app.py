@@ -11,6 +11,7 @@ from sixflow.cli.demo import demo
 from sixflow.cli.errors import report
 from sixflow.cli.info import info
 from sixflow.cli.measure import measure
+from sixflow.cli.operators import operators
 from sixflow.cli.plot import plot
 
 USAGE = {
@@ -18,6 +19,7 @@ USAGE = {
     "plot": "sixflow plot FIELD -o PICTURE [OPTIONS]",
     "info": "sixflow info FILE",
     "demo": "sixflow demo [OPTIONS]",
+    "operators": "sixflow operators [OPTIONS]",
 }
 
 EXAMPLES = {
@@ -47,6 +49,10 @@ EXAMPLES = {
   sixflow demo
   sixflow demo --output vortex --overwrite
 """,
+    "operators": """
+  sixflow operators
+  sixflow operators --output gallery --format pdf
+""",
 }
 """Command lines that can be copied, short enough not to be wrapped; each `--help` shows its own."""
 
@@ -64,7 +70,7 @@ def build_app() -> App:
         version=_version,
         suppress_keyboard_interrupt=False,
     )
-    commands: tuple[Callable[..., None], ...] = (measure, plot, info, demo)
+    commands: tuple[Callable[..., None], ...] = (measure, plot, info, demo, operators)
     for place, command in enumerate(commands):
         name = command.__name__
         app.command(command, help_epilogue=_epilogue(name), usage=f"Usage: {USAGE[name]}", sort_key=place)
