@@ -31,14 +31,13 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from sixflow.eigenfilters.bank import FilterBank
+from sixflow.eigenfilters.patches import patch_blocks
 from sixflow.errors import InputError
 
-_BLOCK_BYTES = 32 * 2**20
-_SIX_FROM_TAU = np.array([1.0, 1.0, 2.0, 2.0, 2.0, 2.0])  # divergence = 2τ_s … to first order
+SIX_FROM_TAU = np.array([1.0, 1.0, 2.0, 2.0, 2.0, 2.0])  # divergence = 2τ_s … to first order
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,15 +113,8 @@ class JointOperator:
         x, y : int arrays, shape (points,)
             Centres, px, inside the frame.
         """
-        radius, count = self.bank.radius, len(x)
-        side = 2 * radius + 1
-        out = JointEstimate(*(np.full((count, *shape), np.nan) for shape in ((6,), (6, 6), (), ())))
-        padded = (np.pad(frame.astype(np.float32), radius, mode="reflect") for frame in (frame0, frame1))
-        windows0, windows1 = (sliding_window_view(frame, (side, side)) for frame in padded)
-        block = max(1, _BLOCK_BYTES // (4 * side * side))
-        for start in range(0, count, block):
-            chosen = slice(start, start + block)
-            still, moved = (w[y[chosen], x[chosen]].reshape(-1, side * side) for w in (windows0, windows1))
+        out = JointEstimate(*(np.full((len(x), *shape), np.nan) for shape in ((6,), (6, 6), (), ())))
+        for chosen, (still, moved) in patch_blocks((frame0, frame1), x, y, self.bank.radius, np.float32):
             self._solve(still, moved, chosen, out)
         return out
 
@@ -149,8 +141,8 @@ class JointOperator:
         )  # of the difference of two frames
         covariance = variance[:, None, None] * np.linalg.inv(normal[good])[:, :6, :6]
         place = np.arange(chosen.start, chosen.start + len(still))[good]
-        out.six[place] = solution[:, :6] * _SIX_FROM_TAU
-        out.covariance[place] = covariance * np.outer(_SIX_FROM_TAU, _SIX_FROM_TAU)
+        out.six[place] = solution[:, :6] * SIX_FROM_TAU
+        out.covariance[place] = covariance * np.outer(SIX_FROM_TAU, SIX_FROM_TAU)
         out.noise[place] = np.sqrt(variance / 2)
         if not self.phase_only:
             out.contrast[place] = solution[:, 6]

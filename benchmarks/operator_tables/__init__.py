@@ -1,0 +1,1 @@
+"""The tables of benchmarks/operators.py, one module each."""
