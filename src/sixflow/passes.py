@@ -108,7 +108,7 @@ class Passes:
         self.by_window = settings.lighting == "gain+offset"
         self.lighting = np.empty((0, 0, 0, 0), self.dtype)
         self._update = np.zeros((6, *grid.shape))
-        self._last_seen: _Seen | None = None
+        self._last_seen: Seen | None = None
 
     def solve(self, maps: NDArray[Any], *, total: bool = True) -> NDArray[Any]:
         """Return the maps after one pass, NaN where the equations are singular.
@@ -128,19 +128,24 @@ class Passes:
             self._warp(reduced, plane, total)
             self._estimate_lighting()
         self._warp(reduced, plane, total)
-        moments = self._moments()
-        solution = np.empty((6, *grid.shape))
-
-        def sums_and_solution(start: int, stop: int) -> None:
-            moments_strip(*self._images(), self.weights, grid.origin_and_step, start, stop, moments)
-            solve_strip(moments, self.settings.sigma, start, stop, solution)
-
-        over_strips(sums_and_solution, grid.rows, GRID_STRIP)
+        solution = self._solution()
         if self.by_window:
             self._estimate_lighting()
         solution += shift if total else maps
         self._update = solution - maps
         self._last_seen = None
+        return solution
+
+    def _solution(self) -> NDArray[np.float64]:
+        """Solve the normal equations of what the warp left in the workspace; shape (6, rows, columns)."""
+        moments, solution = self._moments(), np.empty((6, *self.grid.shape))
+
+        def sums_and_solution(start: int, stop: int) -> None:
+            place = self.grid.origin_and_step
+            moments_strip(*self._images(), self.weights, place, start, stop, moments)
+            solve_strip(moments, self.settings.sigma, start, stop, solution)
+
+        over_strips(sums_and_solution, self.grid.rows, GRID_STRIP)
         return solution
 
     def _moments(self) -> NDArray[Any]:
@@ -237,6 +242,13 @@ class Passes:
 
     def quality(self, sharpened: int = 0) -> Quality:
         """Covariance and quality of what the last pass found, after `sharpened` sharpening passes."""
+        seen = self._seen()
+        transform = _six_from_unknowns(self.settings.sigma, sharpened)
+        covariance = self._covariance(seen, transform)
+        return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise)
+
+    def _covariance(self, seen: Seen, transform: NDArray[np.float64]) -> NDArray[Any]:
+        """Covariance of the six numbers, `transform` times the unknowns θ; shape (rows, columns, 6, 6)."""
         grid, dtype, sigma = self.grid, self.dtype, self.settings.sigma
         gradient_x, gradient_y, _ = self._images()
         frame_residual = self.workspace.array("residual", self.reference.image.shape, dtype)
@@ -250,10 +262,9 @@ class Passes:
             grid.rows,
             GRID_STRIP,
         )
-        seen = self._seen()
         sandwich *= np.nan_to_num(seen.left, nan=1.0)[..., None].astype(dtype)
         covariance = np.empty((*grid.shape, 6, 6), dtype)
-        moments, feedback, transform = self._moments(), noise_feedback(), _six_from_unknowns(sigma, sharpened)
+        moments, feedback = self._moments(), noise_feedback()
         over_strips(
             lambda start, stop: covariance_strip(
                 moments, sandwich, seen.noise_gradient, seen.rho, feedback, transform, start, stop, covariance
@@ -261,18 +272,27 @@ class Passes:
             grid.rows,
             GRID_STRIP,
         )
-        return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise)
+        return covariance
 
-    def _seen(self) -> _Seen:
+    def _seen(self) -> Seen:
         """Noise, texture and similarity of every window in the last pass; computed once per pass."""
         if self._last_seen is None:
             self._last_seen = self._look()
         return self._last_seen
 
-    def _look(self) -> _Seen:
+    def _look(self) -> Seen:
         weight, absolute, square, mean, power = self._statistics(self.reference.image, "statistics")
-        moments, shape = self._moments(), self.grid.shape
-        explained, texture, rho = np.empty(shape), np.empty(shape), np.empty(shape)
+        explained = self._explained_power()
+        with np.errstate(invalid="ignore", divide="ignore"):
+            left = np.clip(1 - explained / square, 0.01, 1)
+            noise = np.sqrt(left) * absolute / weight * np.sqrt(np.pi) / 2  # E|r| = √(2/π)·√2·noise
+            contrast = np.sqrt(np.maximum(power / weight - (mean / weight) ** 2, 0))
+            residual = np.sqrt(left * square / weight) / contrast
+        return Seen(weight, noise, residual, left, *self._texture(noise, weight))
+
+    def _explained_power(self) -> NDArray[np.float64]:
+        """What the last update took out of Σ w r²; shape (rows, columns)."""
+        moments, explained = self._moments(), np.empty(self.grid.shape)
         over_strips(
             lambda start, stop: explained_strip(
                 moments, self._update, self.settings.sigma, start, stop, explained
@@ -280,22 +300,24 @@ class Passes:
             self.grid.rows,
             GRID_STRIP,
         )
-        with np.errstate(invalid="ignore", divide="ignore"):
-            left = np.clip(1 - explained / square, 0.01, 1)
-            noise = np.sqrt(left) * absolute / weight * np.sqrt(np.pi) / 2  # E|r| = √(2/π)·√2·noise
-            contrast = np.sqrt(np.maximum(power / weight - (mean / weight) ** 2, 0))
-            residual = np.sqrt(left * square / weight) / contrast
+        return explained
+
+    def _texture(
+        self, noise: NDArray[Any], weight: NDArray[Any]
+    ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """What noise adds to Σ w g_x², and texture and rho of `solve.texture_strip`; each (rows, columns)."""
+        moments, texture, rho = self._moments(), np.empty(self.grid.shape), np.empty(self.grid.shape)
         noise_gradient = gradient_noise(self.degree, DERIVATIVE) * noise**2 * weight
         over_strips(
             lambda start, stop: texture_strip(moments, noise_gradient, start, stop, texture, rho),
             self.grid.rows,
             GRID_STRIP,
         )
-        return _Seen(weight, noise, residual, left, noise_gradient, texture, rho)
+        return noise_gradient, texture, rho
 
 
 @dataclasses.dataclass(frozen=True)
-class _Seen:
+class Seen:
     """What a pass saw in every window; arrays of shape (rows, columns).
 
     weight with a partner; noise of one frame; zero-normalised residual; the share of Σ w r² that the

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from sixflow.engine.blend import resample_strip, twist_of
 from sixflow.engine.threads import over_strips
 from sixflow.grid import Grid
+from sixflow.method import passes_of
 from sixflow.normalise import Frame
-from sixflow.passes import Passes, Workspace
+from sixflow.passes import Workspace
 from sixflow.settings import Settings
 from sixflow.validate import settle, typical
 
@@ -63,7 +64,7 @@ def search(
         small, small_moved = reference.level(level), moved.level(level)
         here = Grid.over(small.image.shape, max(2, round(settings.window / 4)))
         maps = _shifted(here, shift / 2**level) if maps is None else finer(maps, found, here, 2.0)
-        passes = Passes(small, small_moved, here, coarse, workspace)
+        passes = passes_of(settings)(small, small_moved, here, coarse, workspace)
         start = maps
         for _ in range(LEVEL_PASSES):
             solution = passes.solve(maps)

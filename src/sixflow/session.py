@@ -20,8 +20,9 @@ from sixflow.engine.window import attenuation_period
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.grid import Grid
+from sixflow.method import passes_of
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
-from sixflow.passes import Passes, Workspace
+from sixflow.passes import Workspace
 from sixflow.refine import refine
 from sixflow.search import search
 from sixflow.settings import Settings
@@ -127,7 +128,7 @@ class Session:
                     "mask is True only where frame 0 has no value (NaN or infinite): nothing is left to measure"
                 )
         start = search(region, moved.frame, grid, settings, self.workspace)
-        passes = Passes(region, moved.frame, grid, settings, self.workspace)
+        passes = passes_of(settings)(region, moved.frame, grid, settings, self.workspace)
         maps, quality, left = refine(passes, start)
         flag = flag_points(maps, quality, left, grid, region, settings)
         failed = (flag & FAILING).astype(bool)

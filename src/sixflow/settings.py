@@ -16,6 +16,7 @@ from sixflow.errors import InputError
 
 Interpolation = Literal["cubic", "quintic"]
 Lighting = Literal["none", "gain+offset", "local"]
+Method = Literal["least_squares", "eigenfilter"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -29,6 +30,9 @@ class Settings:
         σ = window/√(4π) = window/3.545. Larger: less noise, less resolution.
     step : int
         Distance between grid points, px, at least 1. It sets the density of points, not the resolution.
+    method : {"least_squares", "eigenfilter"}
+        What compares the frames: every pixel, or the responses of an array of operators for all six
+        generators (`sixflow.eigenfilters`), which do not see changes of brightness and contrast.
     sharpen : int
         Number of sharpening passes, 0 to 16: finer resolution of the same window, for more noise.
     interpolation : {"cubic", "quintic"}
@@ -70,6 +74,7 @@ class Settings:
 
     window: float = 31
     step: int = 8
+    method: Method = "least_squares"
     sharpen: int = 0
     interpolation: Interpolation = "quintic"
     lighting: Lighting = "none"
@@ -99,6 +104,7 @@ class Settings:
         _require(
             _is_whole(self.sharpen, 0, 16), "sharpen", self.sharpen, "must be a whole number from 0 to 16"
         )
+        _require_choice("method", self.method, get_args(Method))
         _require_choice("interpolation", self.interpolation, get_args(Interpolation))
         _require_choice("lighting", self.lighting, get_args(Lighting))
         _require(
@@ -195,6 +201,7 @@ class SettingsOptions(TypedDict, total=False):
 
     window: float
     step: int
+    method: Method
     sharpen: int
     interpolation: Interpolation
     lighting: Lighting

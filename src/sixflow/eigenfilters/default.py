@@ -32,6 +32,9 @@ _ORIENTATIONS = (4, 5, 6, 5)
 _RING = 1.5  # radius over σ: beyond the Gaussian's own maximum, where r dr dθ weighs most
 _BANDWIDTH, _WIDTH = 0.5, 0.25  # a wider η reaches waves near the singular axes that pixels do not resolve
 _REACH = 4.0  # radius of the patch over σ: the Gaussian has fallen to 3e-4
+SMALLEST_ARRAY = 10  # px
+_ARRAY_SHARE, _ARRAY_LARGEST = 0.6, 14.0  # of the window; px
+_ARRAY_REACH = 3.0
 _SIGNS = ((1, 1, 1, 1), (1, -1, 1, -1), (1, 1, -1, -1), (1, -1, -1, 1))
 
 
@@ -87,6 +90,49 @@ def default_bank(
     made = {"gabor": _gabors, "spiral": _spirals, "hyperbolic": _hyperbolics}
     chosen = [kernel for family in made if family in families for kernel in made[family](sigma, low, high)]
     return FilterBank(tuple(chosen), math.ceil(_REACH * sigma))
+
+
+def array_bank(window: float) -> FilterBank:
+    """The bank of which copies stand all over a frame and are pooled under a window (`pool`).
+
+    It is smaller than the window, 0.6 of it and at most 14 px, and sees wavelengths from 3.5 to 14 px: operators
+    that are no larger than the details of the pattern see nearly all that there is in the pixels with
+    54 kernels, and the pooling window does the rest.
+
+    Parameters
+    ----------
+    window : float
+        Of the pooled array, px, at least 10.
+
+    Raises
+    ------
+    InputError
+        If the window is smaller.
+
+    Examples
+    --------
+    >>> bank = array_bank(31)
+    >>> len(bank), bank.size
+    (54, 25)
+    """
+    bank = default_bank(_array_window(window), wavelengths=(3.5, 14.0))
+    return FilterBank(bank.kernels, math.ceil(_ARRAY_REACH * window_sigma(_array_window(window))))
+
+
+def array_spacing(window: float) -> int:
+    """Distance between the copies of `array_bank`, px: about two standard deviations of their Gaussian."""
+    return max(1, round(2 * window_sigma(_array_window(window))))
+
+
+def _array_window(window: float) -> float:
+    """Window of the bank that an array for a window is made of, px."""
+    _require(
+        _is_number(window) and SMALLEST_ARRAY <= window <= 1e6,
+        "window",
+        window,
+        f"an array of operators needs a window of at least {SMALLEST_ARRAY} px; widen it",
+    )
+    return min(_ARRAY_SHARE * window, _ARRAY_LARGEST)
 
 
 def _gabors(sigma: float, low: float, high: float) -> list[Kernel]:

@@ -1,0 +1,181 @@
+"""Operator array: the same bank at every position of a lattice, and the normal equations that each finds.
+
+At a position the orthonormal rows S of the bank (`projection`) see of the residual r, the right-hand side q of the
+pass and the gradient (g_x, g_y) of the mean frame Ī
+
+    s = S r,   z = S q,   D = S (g_x, g_x X, g_x Y, g_y, g_y X, g_y Y),   C = S (Ī, X Ī, Y Ī).
+
+A change of contrast and its slope add to the residual what C spans. They are a nuisance of every position, taken out
+by projection, D̃ = D − C(CᵀC)⁻¹CᵀD. Brightness and its slope are not seen, but by patches of which a part is missing
+(beyond the border, or without a partner): there they are taken out likewise. Each position then has
+
+    N_q = D̃ᵀ D̃,   b_q = D̃ᵀ z,
+
+the generalised least squares of its complex eigenvalues. D is the derivative kernels' h = ∇·(a w) applied to the
+frame, by parts: ⟨I, h⟩ = −⟨a·∇I, w⟩. In this form pixels without a partner can be left out on both sides.
+
+Where the contrast changed by the factor a, the moved frame's part of Ī takes some of the motion with it when it is
+projected out: what is left answers a displacement with κ times the gradient of Ī,
+
+    κ = 4a/(1 + a)² = 1 − (share/2)²,   share = 2(a − 1)/(a + 1),
+
+and share is that of Ī in r. κ is 8/9 for a contrast doubled or halved.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.eigenfilters.projection import Projection
+from sixflow.engine.array import fold_strip, product_strip
+from sixflow.engine.threads import over_strips
+from sixflow.grid import Grid
+
+_BLOCK_BYTES = 8 * 2**20
+
+
+@dataclasses.dataclass(frozen=True)
+class LocalEquations:
+    """What the operators at all positions find.
+
+    Attributes
+    ----------
+    design : array, shape (positions, 6, m)
+        D̃ᵀ.
+    normal : float64 array, shape (rows, columns, 6, 6)
+        N_q, for (u, ℓu_x, ℓu_y, v, ℓv_x, ℓv_y) about the position.
+    right : float64 array, shape (rows, columns, 6)
+        b_q.
+    power : float64 array, shape (rows, columns)
+        |s̃|² of the residual, less its changes of contrast.
+    contrast : float64 array, shape (rows, columns)
+        |S Ī|².
+    """
+
+    design: NDArray[Any]
+    normal: NDArray[np.float64]
+    right: NDArray[np.float64]
+    power: NDArray[np.float64]
+    contrast: NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class Images:
+    """What the operators look at, each (height, width): 0 at pixels without a partner, where `counted` is 0 too."""
+
+    gradient_x: NDArray[Any]
+    gradient_y: NDArray[Any]
+    right: NDArray[Any]
+    residual: NDArray[Any]
+    mean: NDArray[Any]
+    counted: NDArray[Any]
+
+
+def local_equations(projection: Projection, lattice: Grid, images: Images) -> LocalEquations:
+    """Normal equations of every position."""
+    count, m = lattice.rows * lattice.columns, len(projection)
+    design = np.empty((count, 6, m), projection.dtype)
+    right, power, contrast = np.empty((count, 6)), np.empty(count), np.empty(count)
+    folders = {
+        field.name: _Folder(getattr(images, field.name), lattice, projection)
+        for field in dataclasses.fields(images)
+    }
+    full = (2 * projection.radius + 1) ** 2 - 0.5 + 1  # the centre counts twice
+    for at in _blocks(lattice, projection):
+        folded = {name: folder.rows(at) for name, folder in folders.items()}
+        here = slice(at.start * lattice.columns, at.stop * lattice.columns)
+        D = design[here]
+        D[:, :3], D[:, 3:] = (projection.moments(folded[name]) for name in ("gradient_x", "gradient_y"))
+        z, s = projection.responses(folded["right"]), projection.responses(folded["residual"])
+        C = projection.moments(folded["mean"])
+        contrast[here] = np.einsum("pm,pm->p", C[:, 0], C[:, 0])
+        kappa = _gradient_factor(C[:, 0], s, contrast[here]).astype(projection.dtype)
+        D *= kappa[:, None, None]
+        z = kappa[:, None] * z + (kappa[:, None] - 1) * s
+        _project_out(C, D, s)
+        cut = folded["counted"][0].sum(axis=1) < full
+        if cut.any():  # brightness is seen where a part of the patch is missing
+            B = projection.moments(tuple(part[cut] for part in folded["counted"]))
+            D[cut], s[cut] = _project_out(np.concatenate([C[cut], B], axis=1), D[cut], s[cut])
+        right[here] = (D @ z[:, :, None])[..., 0]
+        power[here] = np.einsum("pm,pm->p", s, s)
+    return LocalEquations(
+        design,
+        products(design, design, lattice),
+        right.reshape(*lattice.shape, 6),
+        power.reshape(lattice.shape),
+        contrast.reshape(lattice.shape),
+    )
+
+
+def _gradient_factor(mean: NDArray[Any], residual: NDArray[Any], power: NDArray[Any]) -> NDArray[Any]:
+    """κ of every position; a share of more than 2/3, contrast doubled or halved, is taken as that."""
+    share = np.einsum("pm,pm->p", mean, residual) / np.where(power > 0, power, 1)
+    result: NDArray[Any] = 1 - (np.clip(share, -2 / 3, 2 / 3) / 2) ** 2
+    return result
+
+
+def _project_out(C: NDArray[Any], D: NDArray[Any], s: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Take what the rows of C (positions, k, m) span out of D and s, in place; Gram and Schmidt."""
+    basis: list[NDArray[Any]] = []
+    for k in range(C.shape[1]):
+        rest = C[:, k].copy()
+        for known in basis:
+            rest -= np.einsum("pm,pm->p", rest, known)[:, None] * known
+        before, after = (np.sqrt(np.einsum("pm,pm->p", c, c)) for c in (C[:, k], rest))
+        scale = np.where(after > 1e-3 * before, 1 / np.where(after > 0, after, 1), 0)
+        rest *= scale[:, None].astype(rest.dtype)
+        basis.append(rest)
+        D -= (D @ rest[:, :, None]) * rest[:, None, :]
+        s -= np.einsum("pm,pm->p", s, rest)[:, None] * rest
+    return D, s
+
+
+def products(
+    a: NDArray[Any], b: NDArray[Any], lattice: Grid, delta: tuple[int, int] = (0, 0)
+) -> NDArray[np.float64]:
+    """A_q B_{q+δ}ᵀ of all positions; a and b (positions, 6, m), result (rows, columns, 6, 6), 0 where q + δ is
+    not on the lattice.
+    """
+    out = np.empty((*lattice.shape, 6, 6))
+    over_strips(
+        lambda start, stop: product_strip(a, b, lattice.shape, delta, start, stop, out), lattice.rows, 8
+    )
+    return out
+
+
+class _Folder:
+    """Folded patches of an image, for some lattice rows at a time."""
+
+    def __init__(self, image: NDArray[Any], lattice: Grid, projection: Projection) -> None:
+        self.lattice, self.projection = lattice, projection
+        self.image = np.pad(image.astype(projection.dtype, copy=False), projection.radius)
+
+    def rows(self, at: slice) -> tuple[NDArray[Any], NDArray[Any]]:
+        """p(o) + p(−o) and p(o) − p(−o); each (positions, n²//2 + 1)."""
+        radius, columns = self.projection.radius, self.lattice.columns
+        shape = ((at.stop - at.start) * columns, (2 * radius + 1) ** 2 // 2 + 1)
+        plus, minus = np.empty(shape, self.image.dtype), np.empty(shape, self.image.dtype)
+        place = self.lattice.origin_and_step
+        over_strips(
+            lambda a, b: fold_strip(
+                self.image, place, columns, radius, at.start + a, at.start + b,
+                plus[a * columns : b * columns], minus[a * columns : b * columns],
+            ),
+            at.stop - at.start,
+            1,
+        )  # fmt: skip
+        return plus, minus
+
+
+def _blocks(lattice: Grid, projection: Projection) -> Iterator[slice]:
+    """Runs of lattice rows whose patches fit the processor's cache."""
+    bytes_per_row = 4 * lattice.columns * (2 * projection.radius + 1) ** 2
+    rows = max(1, _BLOCK_BYTES // bytes_per_row)
+    for start in range(0, lattice.rows, rows):
+        yield slice(start, min(start + rows, lattice.rows))

@@ -1,0 +1,179 @@
+"""Projection: an orthonormal basis of what a bank sees, and its inner products with patches.
+
+White noise gives overlapping kernels correlated responses. In an orthonormal basis S of the span of their real and
+imaginary parts it does not: S = T R, R = [Re W; Im W], T the whitening of `FilterBank`. Generalised least squares
+with the bank's covariance is ordinary least squares on the responses s = S I.
+
+The kernels are free of DC; the basis is made free of planes as well, so that a slope of brightness is not seen.
+
+A kernel's point reflection splits it into an even and an odd part, and the basis is made of pure ones.
+An even row sees the even part of a patch alone: the patch is folded about its centre, p(o) ± p(−o), and half of the
+multiplications are saved.
+
+| symbol | name | shape |
+|---|---|---|
+| S | `rows`, even ones first | (m, n²) |
+| X, Y | offset from the centre over the length unit | (n²,) |
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.eigenfilters.bank import THRESHOLD, FilterBank
+from sixflow.eigenfilters.geometry import Real
+
+_PERIOD = 128
+
+
+class Projection:
+    """Orthonormal rows that span a bank, ready for patches.
+
+    Parameters
+    ----------
+    bank : FilterBank
+    length : float
+        Unit of X and Y, px.
+    dtype : float32 or float64
+        In which patches are multiplied.
+
+    Attributes
+    ----------
+    rows : float64 array, shape (m, n²)
+        S; S Sᵀ is the identity. Eigenvalues of the noise covariance below 1e-4 of the largest are left out.
+    even : int
+        How many of them, the first ones, are even.
+
+    Examples
+    --------
+    >>> from sixflow.eigenfilters import default_bank
+    >>> projection = Projection(default_bank(15), length=10.0)
+    >>> bool(np.allclose(projection.rows @ projection.rows.T, np.eye(len(projection.rows))))
+    True
+    """
+
+    def __init__(self, bank: FilterBank, length: float, dtype: Any = np.float32) -> None:
+        self.bank, self.length, self.dtype = bank, length, dtype
+        self.rows, self.even = _basis(bank)
+        side = np.arange(-bank.radius, bank.radius + 1) / length
+        y, x = (c.ravel() for c in np.meshgrid(side, side, indexing="ij"))
+        half = self.rows.shape[1] // 2 + 1
+        weight = np.ones(half)
+        weight[-1] = 0.5  # the centre pixel is folded on itself
+        even, odd = self.rows[: self.even], self.rows[self.even :]
+        self._plain = [self._table(part[:, :half] * weight) for part in (even, odd)]
+        self._moments = [
+            self._table(
+                np.concatenate([own[:, :half], (other * x)[:, :half], (other * y)[:, :half]]) * weight
+            )
+            for own, other in ((even, odd), (odd, even))
+        ]
+
+    def _table(self, rows: Real) -> NDArray[Any]:
+        return np.ascontiguousarray(rows.T.astype(self.dtype))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def radius(self) -> int:
+        """Of the patch, px."""
+        return self.bank.radius
+
+    @property
+    def extent(self) -> float:
+        """Standard deviation, along one axis, of where the rows look (Σ_j S_j²), px."""
+        weight = (self.rows**2).sum(axis=0)
+        side = np.arange(-self.radius, self.radius + 1)
+        squared = (side[:, None] ** 2 + side[None, :] ** 2).ravel()
+        return float(np.sqrt((weight * squared).sum() / weight.sum() / 2))
+
+    def responses(self, folded: tuple[NDArray[Any], NDArray[Any]]) -> NDArray[Any]:
+        """S I of folded patches; shape (points, m)."""
+        plus, minus = folded
+        return np.concatenate([plus @ self._plain[0], minus @ self._plain[1]], axis=1)
+
+    def moments(self, folded: tuple[NDArray[Any], NDArray[Any]]) -> NDArray[Any]:
+        """S I, S (X I) and S (Y I) of folded patches; shape (points, 3, m)."""
+        plus, minus = (
+            part @ table for part, table in zip(folded, self._moments, strict=True)
+        )  # even sums of I; odd ones
+        e, o = self.even, len(self) - self.even
+        out = np.empty((len(plus), 3, e + o), self.dtype)
+        out[:, 0, :e], out[:, 0, e:] = plus[:, :e], minus[:, :o]
+        for k in (1, 2):  # X and Y turn odd rows into even ones, and even ones into odd ones
+            out[:, k, e:] = plus[:, e + (k - 1) * o : e + k * o]
+            out[:, k, :e] = minus[:, o + (k - 1) * e : o + k * e]
+        return out
+
+    def overlap(self, dx: int, dy: int) -> Real:
+        """S(o) S(o − (dx, dy))ᵀ: covariance of the responses to white noise at p and at p + (dx, dy), shape
+        (m, m).
+        """
+        n = 2 * self.radius + 1
+        images = self.rows.reshape(-1, n, n)
+        here = images[:, max(dy, 0) : n + min(dy, 0), max(dx, 0) : n + min(dx, 0)]
+        there = images[:, max(-dy, 0) : n + min(-dy, 0), max(-dx, 0) : n + min(-dx, 0)]
+        result: Real = here.reshape(len(self), -1) @ there.reshape(len(self), -1).T
+        return result
+
+    def frame_constant(self, spacing: int) -> float:
+        """Σ_q |S f|² over |f|² for patterns f in the bank's band, with positions q `spacing` px apart.
+
+        The power spectrum P of the rows, per px², averaged over itself: ∫P²/∫P.
+        """
+        n = 2 * self.radius + 1
+        spectra = np.fft.fft2(self.rows.reshape(-1, n, n), (max(_PERIOD, n),) * 2)
+        power = (np.abs(spectra) ** 2).sum(axis=0) / spacing**2
+        return float((power**2).sum() / power.sum())
+
+    def gradient_noise(self, derivative: tuple[float, ...]) -> Real:
+        """What white noise of unit variance in an image adds to Dᵀ D, shape (6, 6), with the design D =
+        S (g_x, g_x X, g_x Y, g_y, g_y X, g_y Y) of its gradient.
+
+        Parameters
+        ----------
+        derivative : tuple of floats
+            Half-weights of the antisymmetric difference that takes the gradient.
+        """
+        n, reach = 2 * self.radius + 1, len(derivative)
+        images = np.pad(self.rows.reshape(-1, n, n), ((0, 0), (reach, reach), (reach, reach)))
+        side = np.arange(-self.radius - reach, self.radius + reach + 1) / self.length
+        y, x = np.meshgrid(side, side, indexing="ij")
+        columns = []
+        for axis in (2, 1):
+            for factor in (np.ones_like(x), x, y):
+                weighted = images * factor
+                columns.append(
+                    sum(
+                        d * (np.roll(weighted, k + 1, axis) - np.roll(weighted, -k - 1, axis))
+                        for k, d in enumerate(derivative)
+                    )
+                )
+        stacked = np.stack(columns).reshape(6, -1)
+        result: Real = stacked @ stacked.T
+        return result
+
+
+@functools.lru_cache(maxsize=8)
+def _basis(bank: FilterBank) -> tuple[Real, int]:
+    R = np.concatenate([bank.matrix.real, bank.matrix.imag])
+    parts = [(R + sign * R[:, ::-1]) / 2 for sign in (1, -1)]
+    side = np.arange(-bank.radius, bank.radius + 1.0)
+    x, y = (c.ravel() for c in np.meshgrid(side, side))
+    for k, surfaces in enumerate(((np.ones_like(x), x * x, x * y, y * y), (x, y))):
+        smooth, _ = np.linalg.qr(np.stack(surfaces, axis=1))
+        parts[k] = parts[k] - (parts[k] @ smooth) @ smooth.T
+    split = [np.linalg.eigh(part @ part.T) for part in parts]
+    floor = THRESHOLD * max(values[-1] for values, _ in split)
+    rows = []
+    for part, (values, vectors) in zip(parts, split, strict=True):
+        kept = values > floor
+        rows.append((vectors[:, kept] / np.sqrt(values[kept])).T[::-1] @ part)
+    basis = np.concatenate(rows)
+    basis.flags.writeable = False
+    return basis, len(rows[0])
