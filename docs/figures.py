@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sixflow.engine.window import sharpening_noise, window_sigma
+from sixflow.groups import PROJECTIVE, draw_trajectories
 
 IMAGES = Path(__file__).parent / "images"
 COLOURS = ("#1b3a57", "#2f7f79", "#c98a2b", "#a23b3b")
@@ -42,6 +43,28 @@ def sharpening() -> None:
     figure.savefig(IMAGES / "sharpening.png", dpi=150)
 
 
+def group_trajectories() -> None:
+    """The eight one-parameter groups of the plane's projective motions."""
+    draw_trajectories(PROJECTIVE).savefig(IMAGES / "groups-trajectories.png", dpi=150)
+
+
+def operators() -> None:
+    """Four figures of the gallery that `sixflow operators` draws."""
+    from sixflow.gallery import CATALOGUE
+
+    images = {
+        "figure-03-trajectories": "operators-trajectories.png",
+        "figure-07-log-polar": "operators-log-polar.png",
+        "figure-10-stretch": "operators-stretch.png",
+        "beyond-stretch-map": "operators-hyperbolic.png",
+    }
+    for entry in CATALOGUE:
+        if entry.name in images:
+            entry.draw().savefig(IMAGES / images[entry.name], dpi=150)
+
+
 if __name__ == "__main__":
     IMAGES.mkdir(exist_ok=True)
     sharpening()
+    operators()
+    group_trajectories()

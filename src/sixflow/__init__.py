@@ -20,6 +20,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from sixflow import convention as convention
     from sixflow import eigenfilters as eigenfilters
+    from sixflow import groups as groups
+    from sixflow import invariants as invariants
     from sixflow import synth as synth
     from sixflow.errors import FieldFileError as FieldFileError
     from sixflow.errors import FrameFileError as FrameFileError
@@ -52,7 +54,7 @@ _HOME = {
     "plot_field": "plot",
     "write_field": "write",
 }
-_MODULES = ("convention", "eigenfilters", "frames", "plot", "synth", "write")
+_MODULES = ("convention", "eigenfilters", "frames", "groups", "invariants", "plot", "synth", "write")
 
 __all__ = [
     "FieldFileError",
@@ -65,6 +67,8 @@ __all__ = [
     "convention",
     "eigenfilters",
     "frames",
+    "groups",
+    "invariants",
     "iterate_sequence",
     "measure",
     "measure_sequence",
