@@ -63,8 +63,74 @@ def operators() -> None:
             entry.draw().savefig(IMAGES / images[entry.name], dpi=150)
 
 
+def scenes_calibration() -> None:
+    """How the flow of a floor changes with each of the nine parameters of structure and motion."""
+    from sixflow import scenes
+
+    camera = scenes.Camera.from_field_of_view(np.radians(60), (480, 640))
+    floor = scenes.Plane.from_slant(distance=2.0, slant=np.radians(50), tilt=np.radians(-90))
+    motion = scenes.RigidMotion(translation=(0.02, 0.0, 0.1))
+    found = scenes.calibrate(camera, floor, motion, at=(420.0, 300.0))
+    found.picture((480, 640)).savefig(IMAGES / "scenes-calibration.png", dpi=150)
+
+
+def scenes_planar() -> None:
+    """Both solutions, and stated standard errors against the errors of trials, over the direction of motion."""
+    from sixflow import scenes
+
+    camera, slant, trials = scenes.Camera(focal=600.0, centre=(320.0, 240.0)), np.radians(35), 4000
+    wall = scenes.Plane.from_slant(distance=2.0, slant=slant)
+    # 12 × 12 measurements of the six, of the usual errors, over a region of 240 px
+    x, y = np.meshgrid(np.linspace(-120, 120, 12), np.linspace(-120, 120, 12))
+    design = scenes.six_matrix(x.ravel(), y.ravel()) / np.array([0.01, 0.01, 1e-3, 1e-3, 1e-3, 1e-3])[:, None]
+    covariance = np.linalg.inv(np.einsum("pij,pik->jk", design, design))
+    noise = np.random.default_rng(0).normal(size=(trials, 8)) @ np.linalg.cholesky(covariance).T
+    normal = np.array(wall.normal)
+    across = np.cross([0.0, 1.0, 0.0], normal)
+    angles = np.concatenate([[0.1, 0.6, 1.2], np.arange(2, 86, 1.5)])
+    solved, stated, found, met = [], [], [], []
+    for angle in np.radians(angles):
+        heading = 0.08 * (np.cos(angle) * normal + np.sin(angle) * across)
+        exact = scenes.planar_flow(camera, wall, scenes.RigidMotion(tuple(heading.tolist())))
+        solved.append(sorted(scenes.planar_structure(exact, camera), key=lambda one: abs(one.slant - slant)))
+        noisy = scenes.Eight(exact.coefficients + noise, exact.centre, covariance)
+        both = scenes.planar_structure(noisy, camera)
+        met.append(np.mean(both[0].case == "along normal") > 0.5)
+        off = np.stack([one.slant for one in both]) - slant
+        near = np.abs(off).argmin(axis=0), np.arange(trials)
+        contact = solved[-1][0].time_to_contact
+        late = both[0].time_to_contact / contact - 1
+        found.append([np.degrees(np.sqrt(np.mean(off[near] ** 2))), 100 * np.sqrt(np.mean(late**2))])
+        errors = [one.standard_errors for one in both]
+        slants = np.stack([one.slant for one in errors])[near]
+        stated.append([np.degrees(np.median(slants)), 100 * np.median(errors[0].time_to_contact) / contact])
+    figure = Figure(figsize=(7.6, 2.9), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for k, name in enumerate(("true", "false")):
+        degrees = [np.degrees(pair[k].slant) for pair in solved]
+        left.plot(angles, degrees, color=COLOURS[3 * k], label=name, linestyle=("-", "--")[k])
+    left.set(ylabel="slant of the solution (°)", ylim=(0, 90))
+    for k, (name, colour) in enumerate((("slant (°)", COLOURS[0]), ("time to contact (%)", COLOURS[2]))):
+        line, dots = np.array(stated)[:, k], np.array(found)[:, k]
+        for part, style in ((np.array(met), ":"), (~np.array(met), "-")):
+            right.semilogy(
+                angles[part], line[part], style, color=colour, label=name if style == "-" else None
+            )
+        right.semilogy(angles[::3], dots[::3], "o", color=colour, markersize=3.5, markerfacecolor="none")
+    right.set(ylabel="standard error", ylim=(0.03, 3))
+    right.set_yticks([0.03, 0.1, 0.3, 1, 3], labels=["0.03", "0.1", "0.3", "1", "3"])
+    right.legend(frameon=False)
+    left.legend(frameon=False)
+    for axes in (left, right):
+        axes.set(xlabel="angle between motion and normal (°)", xlim=(0, 86))
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(IMAGES / "scenes-planar.png", dpi=150)
+
+
 if __name__ == "__main__":
     IMAGES.mkdir(exist_ok=True)
     sharpening()
     operators()
     group_trajectories()
+    scenes_calibration()
+    scenes_planar()

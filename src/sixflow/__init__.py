@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from sixflow import eigenfilters as eigenfilters
     from sixflow import groups as groups
     from sixflow import invariants as invariants
+    from sixflow import scenes as scenes
     from sixflow import synth as synth
     from sixflow.errors import FieldFileError as FieldFileError
     from sixflow.errors import FrameFileError as FrameFileError
@@ -54,7 +55,7 @@ _HOME = {
     "plot_field": "plot",
     "write_field": "write",
 }
-_MODULES = ("convention", "eigenfilters", "frames", "groups", "invariants", "plot", "synth", "write")
+_MODULES = ("convention", "eigenfilters", "frames", "groups", "invariants", "plot", "scenes", "synth", "write")
 
 __all__ = [
     "FieldFileError",
@@ -76,6 +77,7 @@ __all__ = [
     "open_frames",
     "plot",
     "plot_field",
+    "scenes",
     "synth",
     "write",
     "write_field",

@@ -17,6 +17,9 @@ from sixflow.synth.motions.relative import RelativeMotion as RelativeMotion
 from sixflow.synth.motions.relative import relative as relative
 from sixflow.synth.motions.solids import PlateWithHole as PlateWithHole
 from sixflow.synth.motions.solids import Star as Star
+from sixflow.synth.motions.views import Homography as Homography
+from sixflow.synth.motions.views import PlaneInView as PlaneInView
+from sixflow.synth.motions.views import SurfaceInView as SurfaceInView
 from sixflow.synth.patterns.base import Pattern as Pattern
 from sixflow.synth.patterns.particles import Particles as Particles
 from sixflow.synth.patterns.speckle import Speckle as Speckle
