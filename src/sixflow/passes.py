@@ -22,13 +22,22 @@ from numpy.typing import NDArray
 
 from sixflow.engine.blend import twist_of
 from sixflow.engine.moments import moments_strip, sandwich_strip, statistics_strip
-from sixflow.engine.solve import covariance_strip, explained_strip, noise_feedback, solve_strip, texture_strip
+from sixflow.engine.solve import (
+    FEEDBACK_STEP,
+    covariance_strip,
+    explained_strip,
+    noise_feedback,
+    normal_matrices,
+    solve_strip,
+    texture_strip,
+)
 from sixflow.engine.spline import DEGREE, gradient_noise, noise_variance
 from sixflow.engine.threads import over_strips
 from sixflow.engine.warp import DERIVATIVE, warp_strip
 from sixflow.engine.window import moment_weights, sharpening_noise
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
+from sixflow.restriction import ABSENT, allowed, confined, joined, maps_of, projection, unknowns
 from sixflow.settings import Settings
 from sixflow.validate import MINIMUM_TEXTURE, MINIMUM_WEIGHT
 
@@ -74,6 +83,8 @@ class Quality:
         Zero-normalised residual: rms difference / rms contrast of the reference.
     noise : array, shape (rows, columns)
         Standard deviation of one frame's noise, from the mean absolute residual.
+    minimum_texture : float
+        Texture below which the covariance is not to be trusted.
     """
 
     covariance: NDArray[Any]
@@ -81,6 +92,7 @@ class Quality:
     weight: NDArray[Any]
     residual: NDArray[Any]
     noise: NDArray[Any]
+    minimum_texture: float = MINIMUM_TEXTURE
 
 
 class Passes:
@@ -95,6 +107,8 @@ class Passes:
     workspace : Workspace
     """
 
+    minimum_texture = MINIMUM_TEXTURE
+
     def __init__(
         self, reference: Frame, moved: Frame, grid: Grid, settings: Settings, workspace: Workspace
     ) -> None:
@@ -107,7 +121,7 @@ class Passes:
         self.weights = moment_weights(settings.sigma).astype(self.dtype)
         self.by_window = settings.lighting == "gain+offset"
         self.lighting = np.empty((0, 0, 0, 0), self.dtype)
-        self._update = np.zeros((6, *grid.shape))
+        self._update = self._last = np.zeros((6, *grid.shape))
         self._last_seen: Seen | None = None
 
     def solve(self, maps: NDArray[Any], *, total: bool = True) -> NDArray[Any]:
@@ -128,12 +142,16 @@ class Passes:
             self._warp(reduced, plane, total)
             self._estimate_lighting()
         self._warp(reduced, plane, total)
-        solution = self._solution()
+        known = shift if total else maps
+        if self.settings.group == "affine":
+            solution = self._solution() + known
+            self._update = solution - maps
+        else:
+            solution = self._confined(maps, known)
+            self._update = joined(solution, grid.step) - maps
         if self.by_window:
             self._estimate_lighting()
-        solution += shift if total else maps
-        self._update = solution - maps
-        self._last_seen = None
+        self._last_seen, self._last = None, solution
         return solution
 
     def _solution(self) -> NDArray[np.float64]:
@@ -147,6 +165,21 @@ class Passes:
 
         over_strips(sums_and_solution, self.grid.rows, GRID_STRIP)
         return solution
+
+    def _confined(self, maps: NDArray[Any], known: NDArray[Any]) -> NDArray[np.float64]:
+        """Solve the normal equations for what is left of `known`, within the group; shape (6, rows, columns)."""
+        sigma = self.settings.sigma
+        self._solution()
+        normal, right = self._normal_equations()
+        base, basis = allowed(self.settings.group, maps, sigma)
+        done = unknowns(known, sigma)
+        return maps_of(confined(normal, right, base - done, basis) + done, sigma)
+
+    def _normal_equations(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Normal matrix and right-hand side of θ that the last solution had; (rows, columns, 6, 6) and (…, 6)."""
+        moments = self._moments()
+        right = np.moveaxis(moments[..., 18:].astype(np.float64), -1, 0)
+        return normal_matrices(moments), np.moveaxis(right, 0, -1)
 
     def _moments(self) -> NDArray[Any]:
         return self.workspace.array("moments", (*self.grid.shape, 24), self.dtype)
@@ -215,6 +248,12 @@ class Passes:
                 if plane.shape[axis] > 1:
                     self.lighting[k, slope] = np.gradient(plane, step, axis=axis)
 
+    def dense(self, maps: NDArray[Any]) -> NDArray[Any]:
+        """Maps that fit together to a dense field: those of a smaller group take their gradients from their
+        neighbours.
+        """
+        return maps if self.settings.group == "affine" else joined(maps, self.grid.step)
+
     def trust(self) -> NDArray[np.bool_]:
         """Where the last pass saw a texture above the noise, in windows that look alike; shape (rows,
         columns).
@@ -222,7 +261,7 @@ class Passes:
         seen = self._seen()
         with np.errstate(invalid="ignore"):
             similar = (seen.residual < TRUSTED_RESIDUAL) & (seen.weight > MINIMUM_WEIGHT)
-        return similar & (seen.texture > MINIMUM_TEXTURE)
+        return similar & (seen.texture > self.minimum_texture)
 
     def contraction(self) -> NDArray[Any]:
         """What one more pass leaves of the distance to the fixed point, at most; shape (rows, columns)."""
@@ -245,7 +284,7 @@ class Passes:
         seen = self._seen()
         transform = _six_from_unknowns(self.settings.sigma, sharpened)
         covariance = self._covariance(seen, transform)
-        return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise)
+        return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise, self.minimum_texture)
 
     def _covariance(self, seen: Seen, transform: NDArray[np.float64]) -> NDArray[Any]:
         """Covariance of the six numbers, `transform` times the unknowns θ; shape (rows, columns, 6, 6)."""
@@ -263,6 +302,9 @@ class Passes:
             GRID_STRIP,
         )
         sandwich *= np.nan_to_num(seen.left, nan=1.0)[..., None].astype(dtype)
+        if self.settings.group != "affine":
+            clean = self._normal_equations()[0] - seen.noise_gradient[..., None, None] * np.eye(6)
+            return self._within(clean, normal_matrices(sandwich), seen, transform)
         covariance = np.empty((*grid.shape, 6, 6), dtype)
         moments, feedback = self._moments(), noise_feedback()
         over_strips(
@@ -273,6 +315,17 @@ class Passes:
             GRID_STRIP,
         )
         return covariance
+
+    def _within(
+        self, clean: NDArray[Any], noise: NDArray[Any], seen: Seen, transform: NDArray[np.float64]
+    ) -> NDArray[Any]:
+        """Covariance of the six within the group, of a normal matrix less noise and its right-hand side's noise."""
+        _, basis = allowed(self.settings.group, self._last, self.settings.sigma)
+        bread = feedback_scale(seen.rho)[..., None] * (transform @ projection(clean, basis))
+        covariance = bread @ noise @ np.swapaxes(bread, -1, -2)
+        for k in ABSENT[self.settings.group]:  # zero by assumption, not by rounding
+            covariance[..., k, :] = covariance[..., :, k] = np.where(np.isnan(covariance[..., 0, :]), np.nan, 0)
+        return covariance.astype(self.dtype)
 
     def _seen(self) -> Seen:
         """Noise, texture and similarity of every window in the last pass; computed once per pass."""
@@ -331,6 +384,13 @@ class Seen:
     noise_gradient: NDArray[Any]
     texture: NDArray[Any]
     rho: NDArray[Any]
+
+
+def feedback_scale(rho: NDArray[Any]) -> NDArray[np.float64]:
+    """Factors of the six numbers' standard errors by the noise's feedback (`solve.noise_feedback`); (…, 6)."""
+    entry = np.clip(np.nan_to_num(rho) / FEEDBACK_STEP, 0, noise_feedback().shape[1] - 1)
+    displacement, gradient = noise_feedback()[:, entry.astype(int)]
+    return np.stack([displacement] * 2 + [gradient] * 4, axis=-1)
 
 
 def _mean_plane(maps: NDArray[Any], grid: Grid) -> NDArray[np.float64]:

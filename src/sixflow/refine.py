@@ -33,7 +33,7 @@ def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, 
     settings, step = passes.settings, passes.grid.step
     maps, left = start, np.full(passes.grid.shape, np.inf)
     for k in range(settings.passes):
-        filled = settle(maps, step, settings.window) if k else maps
+        filled = settle(passes.dense(maps), step, settings.window) if k else maps
         maps = passes.solve(filled)
         update = np.hypot(maps[0] - filled[0], maps[1] - filled[1])
         left = update * passes.contraction()

@@ -55,7 +55,7 @@ def search(
     float64 array, shape (6, rows, columns)
         u, v, u_x, u_y, v_x, v_y at the grid points, without NaN.
     """
-    coarse = dataclasses.replace(settings, interpolation="cubic")
+    coarse = dataclasses.replace(settings, interpolation="cubic", group="affine")
     top = level_count(reference.image.shape, settings)
     shift = common_shift(reference, moved)
     maps: NDArray[Any] | None = None

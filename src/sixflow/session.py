@@ -130,7 +130,7 @@ class Session:
         start = search(region, moved.frame, grid, settings, self.workspace)
         passes = passes_of(settings)(region, moved.frame, grid, settings, self.workspace)
         maps, quality, left = refine(passes, start)
-        flag = flag_points(maps, quality, left, grid, region, settings)
+        flag = flag_points(passes.dense(maps), quality, left, grid, region, settings)
         failed = (flag & FAILING).astype(bool)
         six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, maps, axes=1), 0, -1)
         measured = {

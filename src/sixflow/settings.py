@@ -16,6 +16,7 @@ from sixflow.errors import InputError
 
 Interpolation = Literal["cubic", "quintic"]
 Lighting = Literal["none", "gain+offset", "local"]
+Group = Literal["affine", "similarity", "euclidean", "translation"]
 Method = Literal["least_squares", "eigenfilter"]
 
 
@@ -33,6 +34,10 @@ class Settings:
     method : {"least_squares", "eigenfilter"}
         What compares the frames: every pixel, or the responses of an array of operators for all six
         generators (`sixflow.eigenfilters`), which do not see changes of brightness and contrast.
+    group : {"affine", "similarity", "euclidean", "translation"}
+        Motions that a window may make: all six numbers; shift, rotation and zoom; shift and rotation;
+        shift alone. Fewer have less noise, and are wrong where the motion is not of the group. Numbers
+        that the group does not have are 0 by assumption, with a covariance of 0.
     sharpen : int
         Number of sharpening passes, 0 to 16: finer resolution of the same window, for more noise.
     interpolation : {"cubic", "quintic"}
@@ -75,6 +80,7 @@ class Settings:
     window: float = 31
     step: int = 8
     method: Method = "least_squares"
+    group: Group = "affine"
     sharpen: int = 0
     interpolation: Interpolation = "quintic"
     lighting: Lighting = "none"
@@ -105,6 +111,13 @@ class Settings:
             _is_whole(self.sharpen, 0, 16), "sharpen", self.sharpen, "must be a whole number from 0 to 16"
         )
         _require_choice("method", self.method, get_args(Method))
+        _require_choice("group", self.group, get_args(Group))
+        _require(
+            self.group == "affine" or self.sharpen == 0,
+            "sharpen",
+            self.sharpen,
+            f"must be 0 with group={self.group!r}: sharpening needs all six numbers; take group='affine'",
+        )
         _require_choice("interpolation", self.interpolation, get_args(Interpolation))
         _require_choice("lighting", self.lighting, get_args(Lighting))
         _require(
@@ -202,6 +215,7 @@ class SettingsOptions(TypedDict, total=False):
     window: float
     step: int
     method: Method
+    group: Group
     sharpen: int
     interpolation: Interpolation
     lighting: Lighting

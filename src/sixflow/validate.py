@@ -215,7 +215,7 @@ def flag_points(
         x, y = grid.x + maps[0], grid.y[:, None] + maps[1]
         outside = ~((x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1))
         unknown = np.isnan(maps).any(axis=0)
-        measurable = (quality.texture > MINIMUM_TEXTURE) & (error < MAXIMUM_ERROR)
+        measurable = (quality.texture > quality.minimum_texture) & (error < MAXIMUM_ERROR)
         flag[quality.weight < COMPLETE_WEIGHT] |= FLAGS["border"]
         flag[unknown | ~measurable] |= FLAGS["low_texture"]
         unlike = quality.residual > np.where(measurable, MAXIMUM_RESIDUAL, SUSPECT_RESIDUAL)

@@ -19,7 +19,10 @@ projected out: what is left answers a displacement with κ times the gradient of
 
     κ = 4a/(1 + a)² = 1 − (share/2)²,   share = 2(a − 1)/(a + 1),
 
-and share is that of Ī in r. κ is 8/9 for a contrast doubled or halved.
+and share is that of Ī in r. κ is 8/9 for a contrast doubled or halved, and taken as 3/4 where it is more than tripled
+or less than a third. Beyond that the change is ever less a change of light: texture that vanished from one frame
+altogether would be a contrast of a = 0, its residual r = ∓2 Ī all contrast, and nothing would be left to tell it from
+a perfect match. So what exceeds |share| = 1 counts, doubled, in the residual's power.
 """
 
 from __future__ import annotations
@@ -37,6 +40,7 @@ from sixflow.engine.threads import over_strips
 from sixflow.grid import Grid
 
 _BLOCK_BYTES = 8 * 2**20
+_LARGEST_SHARE = 1.0  # of the mean frame in the residual: contrast tripled, or a third of it
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +57,9 @@ class LocalEquations:
         b_q.
     power : float64 array, shape (rows, columns)
         |s̃|² of the residual, less its changes of contrast.
+    freedom : float64 array, shape (rows, columns)
+        What |s̃|² would be of white noise of unit variance: the number of responses, less where a part of the patch
+        is missing, and less those taken out; at least 1.
     contrast : float64 array, shape (rows, columns)
         |S Ī|².
     """
@@ -61,6 +68,7 @@ class LocalEquations:
     normal: NDArray[np.float64]
     right: NDArray[np.float64]
     power: NDArray[np.float64]
+    freedom: NDArray[np.float64]
     contrast: NDArray[np.float64]
 
 
@@ -80,7 +88,7 @@ def local_equations(projection: Projection, lattice: Grid, images: Images) -> Lo
     """Normal equations of every position."""
     count, m = lattice.rows * lattice.columns, len(projection)
     design = np.empty((count, 6, m), projection.dtype)
-    right, power, contrast = np.empty((count, 6)), np.empty(count), np.empty(count)
+    right, power, contrast, freedom = np.empty((count, 6)), np.empty(count), np.empty(count), np.empty(count)
     folders = {
         field.name: _Folder(getattr(images, field.name), lattice, projection)
         for field in dataclasses.fields(images)
@@ -93,47 +101,71 @@ def local_equations(projection: Projection, lattice: Grid, images: Images) -> Lo
         D[:, :3], D[:, 3:] = (projection.moments(folded[name]) for name in ("gradient_x", "gradient_y"))
         z, s = projection.responses(folded["right"]), projection.responses(folded["residual"])
         C = projection.moments(folded["mean"])
-        contrast[here] = np.einsum("pm,pm->p", C[:, 0], C[:, 0])
-        kappa = _gradient_factor(C[:, 0], s, contrast[here]).astype(projection.dtype)
-        D *= kappa[:, None, None]
-        z = kappa[:, None] * z + (kappa[:, None] - 1) * s
-        _project_out(C, D, s)
+        freedom[here] = projection.seen(folded["counted"]) - C.shape[1]
         cut = folded["counted"][0].sum(axis=1) < full
         if cut.any():  # brightness is seen where a part of the patch is missing
             B = projection.moments(tuple(part[cut] for part in folded["counted"]))
-            D[cut], s[cut] = _project_out(np.concatenate([C[cut], B], axis=1), D[cut], s[cut])
+            D[cut], C[cut], s[cut] = _project_out(B, D[cut], C[cut], s[cut])
+            freedom[here] -= B.shape[1] * cut
+        contrast[here] = _power(C[:, 0])
+        excess, kappa = _excess_share(C[:, 0], s), gradient_factor(C[:, 0], s)[:, None]
+        D *= kappa[:, None]
+        z = kappa * z + (kappa - 1) * s
+        _project_out(C, D, s)
         right[here] = (D @ z[:, :, None])[..., 0]
-        power[here] = np.einsum("pm,pm->p", s, s)
+        power[here] = _power(s) + excess**2 * contrast[here]
     return LocalEquations(
         design,
         products(design, design, lattice),
         right.reshape(*lattice.shape, 6),
         power.reshape(lattice.shape),
+        np.maximum(freedom, 1).reshape(lattice.shape),
         contrast.reshape(lattice.shape),
     )
 
 
-def _gradient_factor(mean: NDArray[Any], residual: NDArray[Any], power: NDArray[Any]) -> NDArray[Any]:
-    """κ of every position; a share of more than 2/3, contrast doubled or halved, is taken as that."""
-    share = np.einsum("pm,pm->p", mean, residual) / np.where(power > 0, power, 1)
-    result: NDArray[Any] = 1 - (np.clip(share, -2 / 3, 2 / 3) / 2) ** 2
+def gradient_factor(mean: NDArray[Any], residual: NDArray[Any]) -> NDArray[Any]:
+    """κ of every position, at least 3/4, from the responses to mean frame and residual; each (positions, m)."""
+    share = np.clip(_contrast_share(mean, residual), -_LARGEST_SHARE, _LARGEST_SHARE)
+    result: NDArray[Any] = 1 - (share / 2) ** 2
     return result
 
 
-def _project_out(C: NDArray[Any], D: NDArray[Any], s: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Take what the rows of C (positions, k, m) span out of D and s, in place; Gram and Schmidt."""
+def _excess_share(mean: NDArray[Any], residual: NDArray[Any]) -> NDArray[Any]:
+    """What of the share is too much for a change of light: 0 up to ±1, rising to all of ±2, where texture vanished."""
+    result: NDArray[Any] = 2 * np.maximum(np.abs(_contrast_share(mean, residual)) - _LARGEST_SHARE, 0)
+    return result
+
+
+def _contrast_share(mean: NDArray[Any], residual: NDArray[Any]) -> NDArray[Any]:
+    power = _power(mean)
+    result: NDArray[Any] = np.einsum("pm,pm->p", mean, residual) / np.where(power > 0, power, 1)
+    return result
+
+
+def _project_out(C: NDArray[Any], *seen: NDArray[Any]) -> tuple[NDArray[Any], ...]:
+    """Take what the rows of C (positions, k, m) span out of all that was seen, (positions, m) or (positions, …, m),
+    in place; Gram and Schmidt.
+    """
     basis: list[NDArray[Any]] = []
     for k in range(C.shape[1]):
         rest = C[:, k].copy()
         for known in basis:
             rest -= np.einsum("pm,pm->p", rest, known)[:, None] * known
-        before, after = (np.sqrt(np.einsum("pm,pm->p", c, c)) for c in (C[:, k], rest))
+        before, after = np.sqrt(_power(C[:, k])), np.sqrt(_power(rest))
         scale = np.where(after > 1e-3 * before, 1 / np.where(after > 0, after, 1), 0)
         rest *= scale[:, None].astype(rest.dtype)
         basis.append(rest)
-        D -= (D @ rest[:, :, None]) * rest[:, None, :]
-        s -= np.einsum("pm,pm->p", s, rest)[:, None] * rest
-    return D, s
+        for part in seen:
+            rows = part.reshape(len(part), -1, part.shape[-1])
+            rows -= (rows @ rest[:, :, None]) * rest[:, None, :]
+    return seen
+
+
+def _power(responses: NDArray[Any]) -> NDArray[Any]:
+    """|s|² of every position; from shape (positions, m)."""
+    result: NDArray[Any] = np.einsum("pm,pm->p", responses, responses)
+    return result
 
 
 def products(

@@ -26,13 +26,13 @@ from sixflow.eigenfilters.default import SMALLEST_ARRAY, array_bank, array_spaci
 from sixflow.eigenfilters.geometry import Real
 from sixflow.eigenfilters.pool import Pool, shifted
 from sixflow.eigenfilters.projection import Projection
-from sixflow.engine.solve import FEEDBACK_STEP, noise_feedback
 from sixflow.engine.warp import DERIVATIVE
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
-from sixflow.passes import Passes, Seen, Workspace
+from sixflow.passes import Passes, Seen, Workspace, feedback_scale
+from sixflow.restriction import inverse, maps_of, unknowns
 from sixflow.settings import Settings
 
 _NEIGHBOURS = (
@@ -43,7 +43,6 @@ _NEIGHBOURS = (
     (2, 0),
     (0, 2),
 )  # one of each pair ±δ; further ones share nothing
-_WORST_CONDITION = 1e8  # of the normal matrix with unit diagonal
 
 
 class EigenfilterPasses(Passes):
@@ -62,6 +61,8 @@ class EigenfilterPasses(Passes):
         If the window is smaller than 10 px, in which no array of operators fits.
     """
 
+    minimum_texture = 0.25  # the bank leaves out the noise that no operator shares with the pattern
+
     def __init__(
         self, reference: Frame, moved: Frame, grid: Grid, settings: Settings, workspace: Workspace
     ) -> None:
@@ -75,7 +76,7 @@ class EigenfilterPasses(Passes):
         lattice = Grid.over(reference.image.shape, self.array.spacing)
         self.pool = Pool(lattice, grid, self.array.width, settings.sigma)
         self._equations: LocalEquations | None = None
-        self._normal = np.empty((*grid.shape, 6, 6))
+        self._normal, self._vector = np.empty((*grid.shape, 6, 6)), np.empty((*grid.shape, 6))
 
     def _solution(self) -> NDArray[np.float64]:
         counted = self.counted()
@@ -85,32 +86,31 @@ class EigenfilterPasses(Passes):
         equations = local_equations(self.array.projection, self.pool.lattice, images)
         self._equations = equations
         self._normal = self.pool.matrices(equations.normal) / self.array.frame_constant
-        vector = self.pool.vectors(equations.right) / self.array.frame_constant
-        theta = (_inverse(self._normal) @ vector[..., None])[..., 0]
-        theta[..., [1, 2, 4, 5]] /= self.settings.sigma
-        return np.ascontiguousarray(np.moveaxis(theta[..., [0, 3, 1, 2, 4, 5]], -1, 0))
+        self._vector = self.pool.vectors(equations.right) / self.array.frame_constant
+        theta = (inverse(self._normal) @ self._vector[..., None])[..., 0]
+        return maps_of(theta, self.settings.sigma)
+
+    def _normal_equations(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return self._normal, self._vector
 
     def _look(self) -> Seen:
         """As the bank sees it: what a change of light adds is not in the noise, nor is noise out of its band."""
         assert self._equations is not None
         array, pool, equations = self.array, self.pool, self._equations
         weight = self._statistics(self.reference.image, "statistics")[0]
-        power, contrast, present = (
-            pool.scalars(values)
-            for values in (equations.power, equations.contrast, np.ones(pool.lattice.shape))
+        power, freedom, contrast = (
+            pool.scalars(values) for values in (equations.power, equations.freedom, equations.contrast)
         )
-        update = np.moveaxis(self._update[[0, 2, 3, 1, 4, 5]], 0, -1).copy()
-        update[..., [1, 2, 4, 5]] *= self.settings.sigma
+        update = unknowns(self._update, self.settings.sigma)
         explained = np.einsum("...i,...ij,...j->...", update, self._normal, update) * array.frame_constant
         with np.errstate(invalid="ignore", divide="ignore"):
             left = np.clip(1 - explained / power, 0.01, 1)
-            variance = left * power / present / array.freedom
-            noise = np.sqrt(variance / np.maximum(weight, 1e-6) / 2)
+            variance = left * power / freedom
+            noise = np.sqrt(variance / 2)
             residual = np.sqrt(left * power / contrast)
             # the mean of two frames has a quarter of the power of their difference
-            gamma = (
-                present * variance / 4 * array.gradient_noise[[0, 3], [0, 3]].mean() / array.frame_constant
-            )
+            share = freedom / array.freedom
+            gamma = share * variance / 4 * array.gradient_noise[[0, 3], [0, 3]].mean() / array.frame_constant
             a, b, c = (
                 self._normal[..., 0, 0] - gamma,
                 self._normal[..., 0, 3],
@@ -124,16 +124,15 @@ class EigenfilterPasses(Passes):
     def _covariance(self, seen: Seen, transform: NDArray[np.float64]) -> NDArray[Any]:
         assert self._equations is not None
         array, pool, equations = self.array, self.pool, self._equations
-        noise = np.sqrt(equations.power / array.freedom)
-        meat = self._correlated(equations.design, noise) / array.frame_constant**2
-        on_gradient = array.gradient_noise * (noise**2 / 4)[..., None, None]
+        meat = self._correlated(equations.design, np.sqrt(equations.power / equations.freedom))
+        meat /= array.frame_constant**2
+        on_gradient = array.gradient_noise * (equations.power / array.freedom / 4)[..., None, None]
         clean = self._normal - pool.matrices(on_gradient) / array.frame_constant
-        entry = np.clip(np.nan_to_num(seen.rho) / FEEDBACK_STEP, 0, noise_feedback().shape[1] - 1)
-        factor = noise_feedback()[:, entry.astype(int)]
-        scale = np.stack([factor[0]] * 2 + [factor[1]] * 4, axis=-1)
-        bread = scale[..., None] * (transform @ _inverse(clean))
-        covariance = bread @ (meat * seen.left[..., None, None]) @ np.swapaxes(bread, -1, -2)
-        return covariance.astype(self.dtype)
+        meat *= seen.left[..., None, None]
+        if self.settings.group != "affine":
+            return self._within(clean, meat, seen, transform)
+        bread = feedback_scale(seen.rho)[..., None] * (transform @ inverse(clean))
+        return (bread @ meat @ np.swapaxes(bread, -1, -2)).astype(self.dtype)
 
     def _correlated(self, design: NDArray[Any], noise: NDArray[np.float64]) -> Real:
         """Σ_q Σ_δ w_q w_{q+δ} s_q s_{q+δ} M(d)ᵀ D̃_q K_δ D̃_{q+δ}ᵀ M(d + δ)."""
@@ -195,19 +194,3 @@ class OperatorArray:
     def of(window: float, dtype: Any) -> OperatorArray:
         """The array of a window, made once."""
         return OperatorArray(window, dtype)
-
-
-def _inverse(normal: NDArray[Any]) -> NDArray[np.float64]:
-    """Inverses of symmetric 6×6 matrices; NaN where not safely positive definite."""
-    diagonal = np.diagonal(normal, axis1=-2, axis2=-1)
-    good = (diagonal > 0).all(axis=-1) & np.isfinite(normal).all(axis=(-2, -1))
-    size = np.sqrt(np.where(good[..., None], diagonal, 1))
-    unit = np.where(good[..., None, None], normal / (size[..., :, None] * size[..., None, :]), np.eye(6))
-    inverse = np.linalg.inv(unit + 1e-12 * np.eye(6))
-    definite = (np.diagonal(inverse, axis1=-2, axis2=-1) > 0).all(axis=-1)
-    condition = np.abs(inverse).sum(axis=-1).max(axis=-1) * np.abs(unit).sum(axis=-1).max(axis=-1)
-    good &= definite & (condition < _WORST_CONDITION)
-    result: NDArray[np.float64] = np.where(
-        good[..., None, None], inverse / (size[..., :, None] * size[..., None, :]), np.nan
-    )
-    return result

@@ -114,8 +114,7 @@ class Pool:
     def _dense(self, points: NDArray[Any], positions: NDArray[Any], power: int) -> Real:
         """W d^power as a matrix from positions to points."""
         distance = positions[None, :] - points[:, None].astype(np.float64)
-        weight = np.where(np.abs(distance) <= CUT * self.width, self._weight(distance, None), 0)
-        result: Real = weight * (distance / self.length) ** power
+        result: Real = self._weight(distance, None) * (distance / self.length) ** power
         return result
 
     def _taps(
@@ -132,7 +131,8 @@ class Pool:
 
     def _weight(self, distance: Real, delta: int | None) -> Real:
         """w, or w(q − p) w(q + δ − p), normalised to ∫w = 1 along the axis."""
-        weight: Real = np.exp(-((distance / self.width) ** 2) / 2) / (self.width * math.sqrt(2 * math.pi))
+        gaussian = np.exp(-((distance / self.width) ** 2) / 2) / (self.width * math.sqrt(2 * math.pi))
+        weight: Real = np.where(np.abs(distance) <= CUT * self.width, gaussian, 0)
         if delta is not None:
             weight = weight * self._weight(distance + delta * self.lattice.step, None)
         return weight

@@ -65,6 +65,7 @@ class Projection:
         weight = np.ones(half)
         weight[-1] = 0.5  # the centre pixel is folded on itself
         even, odd = self.rows[: self.even], self.rows[self.even :]
+        self._power = (self.rows**2).sum(axis=0)[:half] * weight
         self._plain = [self._table(part[:, :half] * weight) for part in (even, odd)]
         self._moments = [
             self._table(
@@ -109,6 +110,14 @@ class Projection:
             out[:, k, e:] = plus[:, e + (k - 1) * o : e + k * o]
             out[:, k, :e] = minus[:, o + (k - 1) * e : o + k * e]
         return out
+
+    def seen(self, folded: tuple[NDArray[Any], NDArray[Any]]) -> NDArray[np.float64]:
+        """Σ_o |S(o)|² over the pixels that count, of folded patches that are 1 there and 0 elsewhere; shape (points,).
+
+        The power of the responses to white noise of unit variance: m for a whole patch.
+        """
+        result: NDArray[np.float64] = folded[0] @ self._power
+        return result
 
     def overlap(self, dx: int, dy: int) -> Real:
         """S(o) S(o − (dx, dy))ᵀ: covariance of the responses to white noise at p and at p + (dx, dy), shape

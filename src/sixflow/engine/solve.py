@@ -62,6 +62,13 @@ def _assemble(moments: NDArray[Any], j: int, first: int, matrix: NDArray[Any]) -
                 matrix[row + 1, column + 2, lane] = m[at + 4]
 
 
+def normal_matrices(moments: NDArray[Any]) -> NDArray[np.float64]:
+    """The 6×6 matrices of (rows, columns, ≥ 18) moments, as `_assemble` makes them; (rows, columns, 6, 6)."""
+    order = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+    a, b, c = (moments[..., 6 * block + order].astype(np.float64) for block in range(3))
+    return np.concatenate([np.concatenate([a, b], axis=-1), np.concatenate([b, c], axis=-1)], axis=-2)
+
+
 @kernel
 def cholesky(matrix: NDArray[Any]) -> None:
     """Lower Cholesky factors of (6, 6, LANES) matrices in place, with inverse diagonals.
