@@ -289,3 +289,44 @@ def cramer_rao(gx, gy, sigma, x, y, noise):
         bread = six_transform(sigma) @ np.linalg.inv(symmetric(normal[at]))
         out[at] = bread @ symmetric(meat[at]) @ bread.T
     return out
+
+
+def patch(image, x, y, radius):
+    """Square neighbourhood of a pixel; 0 beyond the border."""
+    return np.pad(image, radius)[y : y + 2 * radius + 1, x : x + 2 * radius + 1]
+
+
+def folded(image, x, y, radius):
+    """p(o) + p(−o) and p(o) − p(−o) of a patch, row by row up to its centre."""
+    p = patch(image, x, y, radius)
+    half = slice(p.size // 2 + 1)
+    return (p + p[::-1, ::-1]).ravel()[half], (p - p[::-1, ::-1]).ravel()[half]
+
+
+def shifted(d_x, d_y):
+    """M(d), (1, X_p, Y_p) = (1, X_q, Y_q) M(d) with X_p = X_q + d_x, for u and for v."""
+    return np.kron(np.eye(2), np.array([[1, d_x, d_y], [0, 1, 0], [0, 0, 1]]))
+
+
+def pool_weight(d_x, d_y, width):
+    """A Gaussian cut at 3.5 widths in each direction."""
+    inside = abs(d_x) <= 3.5 * width and abs(d_y) <= 3.5 * width
+    return np.exp(-(d_x**2 + d_y**2) / (2 * width**2)) / (2 * np.pi * width**2) if inside else 0.0
+
+
+def pool(values, lattice, grid, width, length, delta=None):
+    """Σ_q w M(d)ᵀ V_q [M(d)] of vectors, or of matrices, about every grid point; shape (rows, columns, …).
+
+    w = w(q − p), or w(q − p) w(q + δ − p).
+    """
+    out = np.zeros((*grid.shape, *values.shape[2:]))
+    for j, i in np.ndindex(*grid.shape):
+        for b, a in np.ndindex(*lattice.shape):
+            d_x, d_y = lattice.x[a] - grid.x[i], lattice.y[b] - grid.y[j]
+            w = pool_weight(d_x, d_y, width)
+            if delta is not None:
+                w *= pool_weight(d_x + delta[0] * lattice.step, d_y + delta[1] * lattice.step, width)
+            M = shifted(d_x / length, d_y / length)
+            seen = M.T @ values[b, a]
+            out[j, i] += w * (seen if seen.ndim == 1 else seen @ M)
+    return out

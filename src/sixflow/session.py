@@ -204,7 +204,7 @@ def _lighting_notes(
     reference: Prepared, moved: Prepared, numbers: tuple[int, int], settings: Settings
 ) -> tuple[str, ...]:
     """Say so when the light changed between the frames and the settings do not allow for it."""
-    if settings.lighting != "none" or reference.spread == 0:
+    if settings.lighting != "none" or settings.method == "eigenfilter" or reference.spread == 0:
         return ()
     gain, shift = moved.spread / reference.spread, (moved.mean - reference.mean) / reference.spread
     if abs(gain - 1) < 0.1 and abs(shift) < 0.2:

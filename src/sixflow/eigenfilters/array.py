@@ -19,10 +19,11 @@ projected out: what is left answers a displacement with κ times the gradient of
 
     κ = 4a/(1 + a)² = 1 − (share/2)²,   share = 2(a − 1)/(a + 1),
 
-and share is that of Ī in r. κ is 8/9 for a contrast doubled or halved, and taken as 3/4 where it is more than tripled
-or less than a third. Beyond that the change is ever less a change of light: texture that vanished from one frame
-altogether would be a contrast of a = 0, its residual r = ∓2 Ī all contrast, and nothing would be left to tell it from
-a perfect match. So what exceeds |share| = 1 counts, doubled, in the residual's power.
+and share is that of Ī in r. So D is multiplied by κ, and so is what z has of the gradient. κ is 8/9 for a contrast
+doubled or halved, and taken as 3/4 where it is more than tripled or less than a third. Beyond that the change is ever
+less a change of light: texture that vanished from one frame altogether would be a contrast of a = 0, its residual
+r = ∓2 Ī all contrast, and nothing would be left to tell it from a perfect match. So what exceeds |share| = 1 counts,
+doubled, in the residual's power.
 """
 
 from __future__ import annotations
@@ -108,7 +109,7 @@ def local_equations(projection: Projection, lattice: Grid, images: Images) -> Lo
             D[cut], C[cut], s[cut] = _project_out(B, D[cut], C[cut], s[cut])
             freedom[here] -= B.shape[1] * cut
         contrast[here] = _power(C[:, 0])
-        excess, kappa = _excess_share(C[:, 0], s), gradient_factor(C[:, 0], s)[:, None]
+        excess, kappa = excess_share(C[:, 0], s), gradient_factor(C[:, 0], s)[:, None]
         D *= kappa[:, None]
         z = kappa * z + (kappa - 1) * s
         _project_out(C, D, s)
@@ -131,7 +132,7 @@ def gradient_factor(mean: NDArray[Any], residual: NDArray[Any]) -> NDArray[Any]:
     return result
 
 
-def _excess_share(mean: NDArray[Any], residual: NDArray[Any]) -> NDArray[Any]:
+def excess_share(mean: NDArray[Any], residual: NDArray[Any]) -> NDArray[Any]:
     """What of the share is too much for a change of light: 0 up to ±1, rising to all of ±2, where texture vanished."""
     result: NDArray[Any] = 2 * np.maximum(np.abs(_contrast_share(mean, residual)) - _LARGEST_SHARE, 0)
     return result
@@ -145,15 +146,17 @@ def _contrast_share(mean: NDArray[Any], residual: NDArray[Any]) -> NDArray[Any]:
 
 def _project_out(C: NDArray[Any], *seen: NDArray[Any]) -> tuple[NDArray[Any], ...]:
     """Take what the rows of C (positions, k, m) span out of all that was seen, (positions, m) or (positions, …, m),
-    in place; Gram and Schmidt.
+    in place; Gram and Schmidt. What is left of a row after the rows before it counts if it is not less than 1e-3 of the
+    largest row.
     """
     basis: list[NDArray[Any]] = []
+    least = 1e-3 * np.sqrt(np.max([_power(C[:, k]) for k in range(C.shape[1])], axis=0))
     for k in range(C.shape[1]):
         rest = C[:, k].copy()
         for known in basis:
             rest -= np.einsum("pm,pm->p", rest, known)[:, None] * known
-        before, after = np.sqrt(_power(C[:, k])), np.sqrt(_power(rest))
-        scale = np.where(after > 1e-3 * before, 1 / np.where(after > 0, after, 1), 0)
+        size = np.sqrt(_power(rest))
+        scale = np.where(size > least, 1 / np.where(size > 0, size, 1), 0)
         rest *= scale[:, None].astype(rest.dtype)
         basis.append(rest)
         for part in seen:

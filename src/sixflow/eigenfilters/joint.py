@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.eigenfilters.bank import FilterBank
-from sixflow.eigenfilters.patches import patch_blocks
+from sixflow.eigenfilters.patches import BLOCK_BYTES, patch_blocks
 from sixflow.errors import InputError
 
 SIX_FROM_TAU = np.array([1.0, 1.0, 2.0, 2.0, 2.0, 2.0])  # divergence = 2τ_s … to first order
@@ -118,9 +118,38 @@ class JointOperator:
             self._solve(still, moved, chosen, out)
         return out
 
+    def estimate_patches(self, still: NDArray[Any], moved: NDArray[Any]) -> JointEstimate:
+        """Measure the small maps between the patches of two stacks, about their centres.
+
+        Parameters
+        ----------
+        still, moved : arrays, shape (points, n²)
+            Of the bank's size, row by row. Each moved patch may have been warped by a map of its own.
+
+        Returns
+        -------
+        JointEstimate
+
+        Raises
+        ------
+        InputError
+            If the stacks differ in shape, or have another size than the bank.
+        """
+        if still.shape != moved.shape or still.ndim != 2 or still.shape[1] != self.bank.size**2:
+            raise InputError(
+                f"still and moved of shapes {still.shape} and {moved.shape}: both must be "
+                f"(points, {self.bank.size**2}), patches of {self.bank.size} × {self.bank.size} px row by row"
+            )
+        out = JointEstimate(*(np.full((len(still), *shape), np.nan) for shape in ((6,), (6, 6), (), ())))
+        count = max(1, BLOCK_BYTES // (8 * still.shape[1]))
+        for start in range(0, len(still), count):
+            chosen = slice(start, start + count)
+            self._solve(still[chosen], moved[chosen], chosen, out)
+        return out
+
     def _solve(self, still: NDArray[Any], moved: NDArray[Any], chosen: slice, out: JointEstimate) -> None:
         centre = still.mean(axis=1, keepdims=True)  # kernels are free of DC; single precision is not
-        still, moved = still - centre, moved - centre
+        still, moved = (np.asarray(part - centre, np.float32) for part in (still, moved))
         difference = (moved - still) @ self._responses
         mean = (moved + still) / 2
         g, slopes = mean @ self._responses, (mean @ self._slopes).reshape(len(mean), -1, 6)

@@ -111,7 +111,7 @@ def patch_blocks(
             raise InputError(
                 f"frame {k} has shape {frame.shape}, frame 0 {shape}: crop them to the same size"
             )
-    columns, rows = _pixels("x", x, shape[1]), _pixels("y", y, shape[0])
+    columns, rows = pixels("x", x, shape[1]), pixels("y", y, shape[0])
     if len(columns) != len(rows):
         raise InputError(f"x and y have {len(columns)} and {len(rows)} points: they must be as many")
     side = 2 * radius + 1
@@ -128,8 +128,14 @@ def _blocks(
         yield chosen, [window[at].reshape(len(at[0]), -1) for window in windows]
 
 
-def _pixels(name: str, values: ArrayLike, size: int) -> NDArray[np.intp]:
-    """Coordinates of points as indices of pixels along an axis."""
+def pixels(name: str, values: ArrayLike, size: int) -> NDArray[np.intp]:
+    """Coordinates of points as indices of pixels along an axis of `size` pixels.
+
+    Raises
+    ------
+    InputError
+        If they are no whole numbers from 0 to size − 1, shape (points,).
+    """
     array = np.asarray(values)
     if array.ndim != 1 or array.dtype.kind not in "iuf":
         raise InputError(

@@ -6,15 +6,18 @@ equations (N_q, b_q) for the affine map in A_q = (1, X, Y), X = (x − q)/ℓ. S
     (1, X_p, Y_p) = (1, X_q, Y_q) M(d),   M(d) = 1 + d_x E₁ + d_y E₂,
     N_p = Σ_q w(q − p) M(d)ᵀ N_q M(d),    b_p = Σ_q w(q − p) M(d)ᵀ b_q.
 
-w is a Gaussian and M is linear, so that each sum is one of Σ_q w d_x^a d_y^b N_q: two small matrix products, one per
-axis. The responses of neighbouring operators have noise in common. Their covariance needs the sums over
-pairs Σ_q w(q − p) w(q + δ − p) M(d)ᵀ V_qδ M(d) with M(d + δ) = M(δ) M(d), which are of the same kind.
+w is a Gaussian, cut at 3.5 σ_w along each axis, and M is linear, so that each sum is one of Σ_q w d_x^a d_y^b N_q: two
+small matrix products, one per axis. The responses of neighbouring operators have noise in common. Their covariance
+needs the sums over pairs Σ_q w(q − p) w(q + δ − p) M(d)ᵀ V_qδ M(d) with M(d + δ) = M(δ) M(d), which are of the same
+kind.
 
 | symbol | name |
 |---|---|
-| q | `Lattice` |
-| w, of standard deviation σ_w | `Pool.width` |
+| q, p | `lattice`, `grid` |
+| w, of standard deviation σ_w | `width` |
 | ℓ | `length` |
+| M(d) | `shifted` |
+| V | `values` |
 """
 
 from __future__ import annotations
@@ -40,8 +43,8 @@ for _block in (0, 3):  # unknowns are (u, ℓu_x, ℓu_y, v, ℓv_x, ℓv_y)
 
 
 def shifted(dx: float, dy: float) -> Real:
-    """M(d): the six columns about a point d nearer to the origin, from those about the position; shape
-    (6, 6).
+    """M(d): the six columns of a design about a point, from those about the position that lies d = (dx, dy), in units
+    of ℓ, from the point; shape (6, 6).
     """
     result: Real = _E[0] + dx * _E[1] + dy * _E[2]
     return result

@@ -8,14 +8,15 @@ together under the Gaussian weights w_q (`pool`). With S = T R the whitened kern
 
 ∇ the central difference of the frames, which here acts on the kernels: by parts, these are derivative kernels that
 hold for whatever waves the pixels resolve. (The analytic ones of `FilterBank` differ from them where a kernel's own
-waves are finer than pixels: near the singular axes of hyperbolic kernels. Whitening brings that forward.) The tilde takes out what is not motion: brightness up to its curvature, contrast and its
-slope; or, if `phase_only`, the amplitude of every kernel, which leaves the phases. The covariance
-counts that the noise of overlapping operators is correlated.
+waves are finer than pixels: near the singular axes of hyperbolic kernels. Whitening brings that forward.) The tilde
+takes out what is not motion: brightness up to its curvature, contrast and its slope; or, if `phase_only`, the
+amplitude of every kernel, which leaves the phases. Where the contrast changed, D is multiplied by κ (`array`). The
+covariance counts that the noise of overlapping operators is correlated.
 
 | symbol | name |
 |---|---|
 | t, D | `target`, `design` |
-| M(d): the six about a point d away | `moved_six` |
+| M(d): the τ about q = p + d from those about p | `moved_six` |
 | K_δ = S(o) S(o − δ)ᵀ | `overlap` |
 """
 
@@ -29,11 +30,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.convention.six import GENERATORS
+from sixflow.eigenfilters.array import excess_share, gradient_factor
 from sixflow.eigenfilters.bank import FilterBank
 from sixflow.eigenfilters.default import array_bank, array_spacing
 from sixflow.eigenfilters.geometry import Real
 from sixflow.eigenfilters.joint import SIX_FROM_TAU, JointEstimate
-from sixflow.eigenfilters.patches import finite_frame, patch_blocks, require_patch
+from sixflow.eigenfilters.patches import finite_frame, patch_blocks
 from sixflow.engine.warp import DERIVATIVE
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
@@ -51,14 +53,15 @@ class PooledOperator:
     bank : FilterBank, optional
         Of each position; `array_bank(window)` if not given.
     spacing : int, optional
-        Distance between positions, px; `array_spacing(window)` if not given.
+        Distance between positions, px, at least 1; `array_spacing(window)` if not given.
     phase_only : bool
         Take the phases alone: nothing that changes amplitudes disturbs, for more noise.
 
     Raises
     ------
     InputError
-        If the window is too small, or the bank is as large as the window, or has too few independent responses.
+        If the window is too small, the spacing is no whole number of pixels, or the bank is as large as the window or
+        has too few independent responses.
 
     Examples
     --------
@@ -80,7 +83,8 @@ class PooledOperator:
         phase_only: bool = False,
     ) -> None:
         self.bank = array_bank(window) if bank is None else bank
-        self.spacing = array_spacing(window) if spacing is None else spacing
+        usual = array_spacing(window)
+        self.spacing = usual if spacing is None else _require_spacing(spacing, usual)
         self.sigma, self.phase_only = window_sigma(window), phase_only
         self.radius = self.bank.radius + len(DERIVATIVE)  # derivatives reach further than their kernels
         n = 2 * self.radius + 1
@@ -93,7 +97,8 @@ class PooledOperator:
         W = W.reshape(len(self.bank), -1)
         T = self.bank.whitening()
         S = T @ np.concatenate([W.real, W.imag])
-        removed = 5 + (len(self.bank) + 2 if phase_only else 3)
+        self._brightness = S @ _smooth_surfaces(x, y, constant=np.abs(S.sum(axis=1)).max() > 1e-6)
+        removed = self._brightness.shape[1] + (len(self.bank) + 2 if phase_only else 3)
         self.freedom = len(S) - removed
         if self.freedom <= 6:
             raise InputError(
@@ -110,10 +115,6 @@ class PooledOperator:
         self._whitening, self._kernels = T, np.ascontiguousarray(W.T)
         self._slopes = np.concatenate([_derivative(S, a, x, y) for a in GENERATORS]).T.copy()
         self._lighting = np.concatenate([S, S * (x / self.sigma), S * (y / self.sigma)]).T.copy()
-        surfaces, _ = np.linalg.qr(
-            np.stack([x, y, x * x - (x * x).mean(), x * y, y * y - (y * y).mean()], axis=1)
-        )
-        self._brightness = S @ surfaces
         self._offsets = self._lattice()
         self._overlaps = _overlaps(S.reshape(-1, n, n), self.spacing)
 
@@ -129,7 +130,7 @@ class PooledOperator:
         Parameters
         ----------
         frame0, frame1 : arrays, shape (height, width)
-            frame1 is warped with what is known; both finite.
+            Of one shape; frame1 is warped with what is known; both finite.
         x, y : arrays of whole numbers, shape (points,)
             Centres, px, inside the frame. Positions whose patch reaches beyond the border are left out; a point is NaN
             if that leaves less than half of its window's weight.
@@ -142,11 +143,10 @@ class PooledOperator:
         Raises
         ------
         InputError
-            If a frame cannot be used, or a point is outside.
+            If a frame cannot be used, the frames differ in shape, or a point is no pixel of them.
         """
         frames = [finite_frame(frame, f"frame{k}") for k, frame in enumerate((frame0, frame1))]
-        for frame in frames:
-            require_patch(frame.shape, self.radius)
+        patch_blocks(frames, x, y, self.radius)  # refuses frames and points that cannot be used
         x, y = np.asarray(x), np.asarray(y)
         out = JointEstimate(*(np.full((len(x), *shape), np.nan) for shape in ((6,), (6, 6), (), ())))
         for k, (px, py) in enumerate(zip(x, y, strict=True)):
@@ -155,17 +155,63 @@ class PooledOperator:
                 out.six[k], out.covariance[k], out.noise[k] = found
         return out
 
-    def _point(self, frames: list[NDArray[Any]], px: int, py: int) -> tuple[Real, Real, float] | None:
+    @property
+    def reach(self) -> int:
+        """How far from a point its operators look, px."""
+        return int(self._offsets.max()) + self.radius
+
+    def estimate_patches(self, still: Any, moved: Any, counted: Any) -> JointEstimate:
+        """Measure the small maps between the patches of two stacks, about their centres.
+
+        Parameters
+        ----------
+        still, moved : arrays, shape (points, n²)
+            Finite, n = 2 reach + 1, row by row. Each moved patch may have been warped by a map of its own.
+        counted : bool array of the same shape
+            Positions whose operator sees a pixel where it is False are left out.
+
+        Returns
+        -------
+        JointEstimate
+
+        Raises
+        ------
+        InputError
+            If the stacks differ in shape, or have another size.
+        """
+        side = 2 * self.reach + 1
+        shapes = {np.shape(stack) for stack in (still, moved, counted)}
+        if shapes != {(len(still), side**2)}:
+            raise InputError(
+                f"still, moved, counted of shapes {', '.join(map(str, shapes))}: all must be (points, {side**2}), "
+                f"patches of {side} × {side} px row by row"
+            )
+        out = JointEstimate(*(np.full((len(still), *shape), np.nan) for shape in ((6,), (6, 6), (), ())))
+        for k, images in enumerate(zip(still, moved, counted, strict=True)):
+            frame0, frame1, usable = (image.reshape(side, side) for image in images)
+            found = self._point([frame0, frame1], self.reach, self.reach, usable)
+            if found is not None:
+                out.six[k], out.covariance[k], out.noise[k] = found
+        return out
+
+    def _point(
+        self, frames: list[NDArray[Any]], px: int, py: int, usable: NDArray[np.bool_] | None = None
+    ) -> tuple[Real, Real, float] | None:
         height, width = frames[0].shape
         at, radius = self._offsets + np.array([px, py]), self.radius
         inside = (at >= radius).all(axis=1) & (at[:, 0] < width - radius) & (at[:, 1] < height - radius)
+        if usable is not None:
+            seen = [
+                usable[y - radius : y + radius + 1, x - radius : x + radius + 1].all() for x, y in at[inside]
+            ]
+            inside[inside] = seen
         weight = np.exp(-((self._offsets / self.width) ** 2).sum(axis=1) / 2)
         if weight[inside].sum() < 0.5 * weight.sum():
             return None
         kept = np.flatnonzero(inside)
         blocks = patch_blocks(frames, at[kept, 0], at[kept, 1], radius)
         parts = [self._equations(still, moved) for _, (still, moved) in blocks]
-        design, target = (np.concatenate(part) for part in zip(*parts, strict=True))
+        design, target, lost = (np.concatenate(part) for part in zip(*parts, strict=True))
         A = design @ np.stack([moved_six(*offset) for offset in self._offsets[kept]])
         w = weight[kept]
         normal = np.einsum("q,qmi,qmj->ij", w, A, A)
@@ -175,19 +221,24 @@ class PooledOperator:
         inverse = np.linalg.inv(normal)
         tau = inverse @ np.einsum("q,qmi,qm->i", w, A, target)
         rest = target - A @ tau
-        noise = np.sqrt((rest**2).sum(axis=1) / self.freedom)
+        noise = np.sqrt(((rest**2).sum(axis=1) + lost) / self.freedom)
         meat = self._correlated(A * (w * noise)[:, None, None], kept)
         covariance = inverse @ meat @ inverse * np.outer(SIX_FROM_TAU, SIX_FROM_TAU)
         return tau * SIX_FROM_TAU, covariance, float(np.sqrt(np.average(noise**2, weights=w) / 2))
 
-    def _equations(self, still: NDArray[Any], moved: NDArray[Any]) -> tuple[Real, Real]:
-        """Design (positions, m, 6) and target (positions, m), without what is not motion."""
+    def _equations(self, still: NDArray[Any], moved: NDArray[Any]) -> tuple[Real, Real, Real]:
+        """Design (positions, m, 6) and target (positions, m), without what is not motion; and what of the change of
+        contrast is too much for that, in power (positions,).
+        """
         mean, difference = (moved + still) / 2, (moved - still) @ self._kernels
         mean = mean - mean.mean(axis=1, keepdims=True)
         target = np.concatenate([difference.real, difference.imag], axis=1) @ self._whitening.T
         count, m = target.shape
         design = np.swapaxes((mean @ self._slopes).reshape(count, 6, m), 1, 2)
         light = np.swapaxes((mean @ self._lighting).reshape(count, 3, m), 1, 2)
+        contrast = light[..., 0]
+        design *= gradient_factor(contrast, target)[:, None, None]
+        lost = excess_share(contrast, target) ** 2 * (contrast**2).sum(axis=1)
         bright = np.broadcast_to(self._brightness, (count, *self._brightness.shape))
         if self.phase_only:
             g = (mean @ self._kernels)[:, None, :]
@@ -196,7 +247,7 @@ class PooledOperator:
         q, _ = np.linalg.qr(np.concatenate([light, bright], axis=2))
         columns = np.concatenate([design, target[..., None]], axis=2)
         columns = columns - q @ (np.swapaxes(q, 1, 2) @ columns)
-        return columns[..., :6], columns[..., 6]
+        return columns[..., :6], columns[..., 6], lost
 
     def _correlated(self, A: Real, kept: NDArray[np.intp]) -> Real:
         """Σ A_qᵀ K_δ A_{q+δ} over all pairs of positions; A holds weights and noise."""
@@ -213,6 +264,25 @@ class PooledOperator:
                 one_way = np.einsum("qmi,qmj->ij", np.swapaxes(overlap, 0, 1) @ A[here], A[there])
                 total = total + one_way + one_way.T
         return total
+
+
+def _require_spacing(spacing: Any, usual: int) -> int:
+    whole = isinstance(spacing, int | np.integer) and not isinstance(spacing, bool)
+    if not (whole and spacing >= 1):
+        raise InputError(
+            f"spacing={spacing!r}: must be a whole number of px, at least 1; {usual} suits the window"
+        )
+    return int(spacing)
+
+
+def _smooth_surfaces(x: Real, y: Real, *, constant: bool) -> Real:
+    """Orthonormal slopes and curvatures of brightness, shape (n², 5); 6 with brightness itself, which only kernels
+    that are not free of DC see.
+    """
+    surfaces = [np.ones_like(x), x, y, x * x, x * y, y * y]
+    q, _ = np.linalg.qr(np.stack(surfaces, axis=1))
+    result: Real = q if constant else q[:, 1:]
+    return result
 
 
 def _derivative(S: Real, generator: Real, x: Real, y: Real) -> Real:

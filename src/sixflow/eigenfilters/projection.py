@@ -1,10 +1,11 @@
 """Projection: an orthonormal basis of what a bank sees, and its inner products with patches.
 
 White noise gives overlapping kernels correlated responses. In an orthonormal basis S of the span of their real and
-imaginary parts it does not: S = T R, R = [Re W; Im W], T the whitening of `FilterBank`. Generalised least squares
-with the bank's covariance is ordinary least squares on the responses s = S I.
+imaginary parts R = [Re W; Im W] it does not, and generalised least squares with the bank's covariance is ordinary
+least squares on the responses s = S I.
 
-The kernels are free of DC; the basis is made free of planes as well, so that a slope of brightness is not seen.
+The kernels are free of DC. Before the basis is taken they are made free of all of 1, x, y, x², xy, y², so that
+brightness is not seen, nor its slope, nor its curvature.
 
 A kernel's point reflection splits it into an even and an odd part, and the basis is made of pure ones.
 An even row sees the even part of a patch alone: the patch is folded about its centre, p(o) ± p(−o), and half of the
@@ -13,6 +14,7 @@ multiplications are saved.
 | symbol | name | shape |
 |---|---|---|
 | S | `rows`, even ones first | (m, n²) |
+| o | offset from the centre of the patch | |
 | X, Y | offset from the centre over the length unit | (n²,) |
 """
 
@@ -44,7 +46,8 @@ class Projection:
     Attributes
     ----------
     rows : float64 array, shape (m, n²)
-        S; S Sᵀ is the identity. Eigenvalues of the noise covariance below 1e-4 of the largest are left out.
+        S; S Sᵀ is the identity. Directions in which the kernels' noise has less than 1e-4 of its largest variance
+        are left out.
     even : int
         How many of them, the first ones, are even.
 
@@ -82,7 +85,7 @@ class Projection:
 
     @property
     def radius(self) -> int:
-        """Of the patch, px."""
+        """Of the patch, px; its side is n = 2 radius + 1."""
         return self.bank.radius
 
     @property
@@ -94,7 +97,7 @@ class Projection:
         return float(np.sqrt((weight * squared).sum() / weight.sum() / 2))
 
     def responses(self, folded: tuple[NDArray[Any], NDArray[Any]]) -> NDArray[Any]:
-        """S I of folded patches; shape (points, m)."""
+        """S I of folded patches (p(o) + p(−o) and p(o) − p(−o), each (points, n²//2 + 1)); shape (points, m)."""
         plus, minus = folded
         return np.concatenate([plus @ self._plain[0], minus @ self._plain[1]], axis=1)
 
@@ -120,10 +123,12 @@ class Projection:
         return result
 
     def overlap(self, dx: int, dy: int) -> Real:
-        """S(o) S(o − (dx, dy))ᵀ: covariance of the responses to white noise at p and at p + (dx, dy), shape
-        (m, m).
+        """S(o) S(o − (dx, dy))ᵀ: covariance of the responses to unit white noise at p with those at p + (dx, dy) px;
+        shape (m, m).
         """
         n = 2 * self.radius + 1
+        if max(abs(dx), abs(dy)) >= n:
+            return np.zeros((len(self), len(self)))
         images = self.rows.reshape(-1, n, n)
         here = images[:, max(dy, 0) : n + min(dy, 0), max(dx, 0) : n + min(dx, 0)]
         there = images[:, max(-dy, 0) : n + min(-dy, 0), max(-dx, 0) : n + min(-dx, 0)]
@@ -133,7 +138,8 @@ class Projection:
     def frame_constant(self, spacing: int) -> float:
         """Σ_q |S f|² over |f|² for patterns f in the bank's band, with positions q `spacing` px apart.
 
-        The power spectrum P of the rows, per px², averaged over itself: ∫P²/∫P.
+        With P(k) = Σ_j |Ŝ_j(k)|²/spacing² the positions see P |f̂|² of a spectrum |f̂|². This is P averaged over
+        itself, ∫P²/∫P: the ratio for a pattern whose own spectrum is P.
         """
         n = 2 * self.radius + 1
         spectra = np.fft.fft2(self.rows.reshape(-1, n, n), (max(_PERIOD, n),) * 2)
