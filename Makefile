@@ -23,6 +23,8 @@ benchmarks: $(STAMP)
 	$(BIN)/python -m pip install --quiet --editable '.[benchmarks]'
 	$(BIN)/python benchmarks/limit.py
 	$(BIN)/python benchmarks/speed.py
+	$(BIN)/python benchmarks/operators.py
+	$(BIN)/python benchmarks/scenes.py
 
 $(STAMP): pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "sixflow needs Python 3.11 or newer: make PYTHON=python3.11")'

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sixflow import convention as convention
     from sixflow import eigenfilters as eigenfilters
     from sixflow import groups as groups
+    from sixflow import interpretation as interpretation
     from sixflow import invariants as invariants
     from sixflow import scenes as scenes
     from sixflow import synth as synth
@@ -55,7 +56,18 @@ _HOME = {
     "plot_field": "plot",
     "write_field": "write",
 }
-_MODULES = ("convention", "eigenfilters", "frames", "groups", "invariants", "plot", "scenes", "synth", "write")
+_MODULES = (
+    "convention",
+    "eigenfilters",
+    "frames",
+    "groups",
+    "interpretation",
+    "invariants",
+    "plot",
+    "scenes",
+    "synth",
+    "write",
+)
 
 __all__ = [
     "FieldFileError",
@@ -69,6 +81,7 @@ __all__ = [
     "eigenfilters",
     "frames",
     "groups",
+    "interpretation",
     "invariants",
     "iterate_sequence",
     "measure",

@@ -10,6 +10,7 @@ from cyclopts import App
 from sixflow.cli.demo import demo
 from sixflow.cli.errors import report
 from sixflow.cli.info import info
+from sixflow.cli.interpret import interpret
 from sixflow.cli.measure import measure
 from sixflow.cli.operators import operators
 from sixflow.cli.plot import plot
@@ -18,6 +19,7 @@ USAGE = {
     "measure": "sixflow measure FRAMES... -o FIELD [OPTIONS]",
     "plot": "sixflow plot FIELD -o PICTURE [OPTIONS]",
     "info": "sixflow info FILE",
+    "interpret": "sixflow interpret FIELD --focal PX [OPTIONS]",
     "demo": "sixflow demo [OPTIONS]",
     "operators": "sixflow operators [OPTIONS]",
 }
@@ -45,6 +47,12 @@ EXAMPLES = {
   sixflow info recording.mp4
   sixflow info field.nc
 """,
+    "interpret": """
+  sixflow interpret field.nc --focal 800
+  sixflow interpret field.nc --focal 800 --region 40,40,280,200 \\
+      --heading 0,0,1 --frame-interval 0.04
+  sixflow interpret field.zarr --focal 800 --time 12 --height 30
+""",
     "demo": """
   sixflow demo
   sixflow demo --output vortex --overwrite
@@ -70,7 +78,7 @@ def build_app() -> App:
         version=_version,
         suppress_keyboard_interrupt=False,
     )
-    commands: tuple[Callable[..., None], ...] = (measure, plot, info, demo, operators)
+    commands: tuple[Callable[..., None], ...] = (measure, plot, info, interpret, demo, operators)
     for place, command in enumerate(commands):
         name = command.__name__
         app.command(command, help_epilogue=_epilogue(name), usage=f"Usage: {USAGE[name]}", sort_key=place)

@@ -1,0 +1,154 @@
+"""The points of a region of a field: positions, numbers, covariances, and how their errors are correlated."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sixflow.engine.window import window_sigma
+from sixflow.errors import InputError
+from sixflow.field.calibration import known_interval
+from sixflow.field.dataset import FLAGS, SIX
+from sixflow.field.selection import (
+    frame_shape,
+    one_pair,
+    require_field,
+    require_variable,
+    stored_settings,
+    valid,
+)
+from sixflow.interpretation.correlation import Correlation
+from sixflow.scenes._checks import numbers
+
+Array = NDArray[Any]
+Region = tuple[float, float, float, float]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Points:
+    """Points of a grid; arrays over its rows and columns.
+
+    Attributes
+    ----------
+    x, y : arrays, shape (columns,), (rows,)
+        px.
+    used : bool array, shape (rows, columns)
+    six : array, shape (rows, columns, 6)
+    covariance : array, shape (rows, columns, 6, 6)
+    sigma : float
+        Standard deviation of the window, px.
+    sharpen : int
+        Sharpening passes.
+    region : (float, float, float, float)
+        x0, y0, x1, y1, px.
+    interval : float or None
+        Time between the two frames, s.
+    tally : str
+        How many there are and why the others are not used, in words.
+    """
+
+    x: Array
+    y: Array
+    used: NDArray[np.bool_]
+    six: Array
+    covariance: Array
+    sigma: float
+    sharpen: int
+    region: Region
+    interval: float | None
+    tally: str
+
+    @property
+    def count(self) -> int:
+        """How many points are used."""
+        return int(self.used.sum())
+
+    @property
+    def correlation(self) -> Correlation:
+        """Of their errors."""
+        return Correlation(self.x, self.y, self.sigma, self.sharpen)
+
+
+def select_points(field: xr.Dataset, region: Any, time: int, border: bool) -> Points:
+    """Return the points of a region.
+
+    Parameters
+    ----------
+    field : Dataset
+    region : (x0, y0, x1, y1) or None
+        px, borders included; None for the whole frame.
+    time : int
+        Position of the pair along time.
+    border : bool
+        Also points whose window reaches beyond the frame or the mask.
+
+    Raises
+    ------
+    InputError
+        If the field or the region cannot be used.
+    """
+    whole = require_field(field)
+    pair = one_pair(whole, time)
+    if not isinstance(border, bool):
+        raise InputError(f"border={border!r}: must be True or False")
+    covariance = require_variable(pair, "covariance").transpose("y", "x", "param", "param2")
+    window, sharpen = _window(whole)
+    rows, columns = frame_shape(whole)
+    limits = _limits(region, rows, columns)
+    inside = pair.sel(x=slice(limits[0], limits[2]), y=slice(limits[1], limits[3]))
+    known = valid(inside).values
+    spread = covariance.sel(x=inside.x, y=inside.y).values.astype(np.float64)
+    six = np.stack([inside[name].values for name in SIX], axis=-1).astype(np.float64)
+    known &= np.isfinite(spread).all(axis=(-1, -2))
+    cut = np.zeros_like(known)
+    if "flag" in inside and not border:
+        cut = known & ((inside["flag"].values.astype(np.int64) & FLAGS["border"]) != 0)
+    used = known & ~cut
+    tally = f"{int(used.sum())} of {used.size} points of the region can be used"
+    reasons = [
+        f"{count} {what}"
+        for count, what in ((int((~known).sum()), "failed"), (int(cut.sum()), "with a cut window"))
+        if count
+    ]
+    tally += f" ({', '.join(reasons)})" if reasons else ""
+    return Points(
+        inside.x.values.astype(np.float64),
+        inside.y.values.astype(np.float64),
+        used,
+        np.where(used[..., None], six, 0.0),
+        np.where(used[..., None, None], spread, np.eye(6)),
+        window_sigma(window),
+        sharpen,
+        limits,
+        known_interval(whole),
+        tally,
+    )
+
+
+def _window(field: xr.Dataset) -> tuple[float, int]:
+    settings = stored_settings(field)
+    window, sharpen = settings.get("window"), settings.get("sharpen", 0)
+    if not isinstance(window, int | float) or not window > 0 or not isinstance(sharpen, int) or sharpen < 0:
+        raise InputError(
+            f"attribute settings: window={window!r}, sharpen={sharpen!r}; the window tells how errors are correlated; "
+            "use the field as it was measured or read"
+        )
+    return float(window), sharpen
+
+
+def _limits(region: Any, rows: int, columns: int) -> Region:
+    if region is None:
+        return 0.0, 0.0, columns - 1.0, rows - 1.0
+    x0, y0, x1, y1 = numbers("region", region, 4, "x0, y0, x1, y1 in px")
+    if not (x0 < x1 and y0 < y1):
+        raise InputError(f"region={region!r}: must be x0, y0, x1, y1 with x0 < x1 and y0 < y1")
+    if x1 < 0 or y1 < 0 or x0 > columns - 1 or y0 > rows - 1:
+        raise InputError(
+            f"region={region!r}: lies outside the frame of {columns}×{rows} px; x runs from 0 to {columns - 1}, "
+            f"y from 0 to {rows - 1}"
+        )
+    return x0, y0, x1, y1
