@@ -181,9 +181,12 @@ def test_every_setting_is_a_flag():
 
 @pytest.mark.parametrize("field", dataclasses.fields(Settings), ids=lambda field: field.name)
 def test_every_flag_reaches_the_settings(field):
-    choices = {"method": "eigenfilter", "group": "similarity", "interpolation": "cubic", "lighting": "local"} | {
-        "length_unit": "µm"
-    }
+    choices = {
+        "method": "eigenfilter",
+        "group": "similarity",
+        "interpolation": "cubic",
+        "lighting": "local",
+    } | {"length_unit": "µm"}
     value = choices.get(field.name, "7")
     flag = "--" + field.name.replace("_", "-")
     given = [flag] if field.name == "float64" else [flag, value]

@@ -33,7 +33,7 @@ _RING = 1.5  # radius over σ: beyond the Gaussian's own maximum, where r dr dθ
 _BANDWIDTH, _WIDTH = 0.5, 0.25  # a wider η reaches waves near the singular axes that pixels do not resolve
 _REACH = 4.0  # radius of the patch over σ: the Gaussian has fallen to 3e-4
 SMALLEST_ARRAY = 10  # px
-_ARRAY_SHARE, _ARRAY_LARGEST = 0.6, 14.0  # of the window; px
+_ARRAY_SHARE, _ARRAY_LARGEST = 0.5, 11.0  # of the window; px
 _ARRAY_REACH = 3.0
 _SIGNS = ((1, 1, 1, 1), (1, -1, 1, -1), (1, 1, -1, -1), (1, -1, -1, 1))
 
@@ -95,7 +95,7 @@ def default_bank(
 def array_bank(window: float) -> FilterBank:
     """The bank of which copies stand all over a frame and are pooled under a window (`pool`).
 
-    It is smaller than the window, 0.6 of it and at most 14 px, and sees wavelengths from 3.5 to 14 px: operators
+    It is smaller than the window, half of it and at most 11 px, and sees wavelengths from 3 to 14 px: operators
     that are no larger than the details of the pattern see nearly all that there is in the pixels with
     54 kernels, and the pooling window does the rest.
 
@@ -113,15 +113,15 @@ def array_bank(window: float) -> FilterBank:
     --------
     >>> bank = array_bank(31)
     >>> len(bank), bank.size
-    (54, 25)
+    (54, 21)
     """
-    bank = default_bank(_array_window(window), wavelengths=(3.5, 14.0))
+    bank = default_bank(_array_window(window), wavelengths=(3.0, 14.0))
     return FilterBank(bank.kernels, math.ceil(_ARRAY_REACH * window_sigma(_array_window(window))))
 
 
 def array_spacing(window: float) -> int:
-    """Distance between the copies of `array_bank`, px: about two standard deviations of their Gaussian."""
-    return max(1, round(2 * window_sigma(_array_window(window))))
+    """Distance between the copies of `array_bank`, px: 1.6 standard deviations of their Gaussian."""
+    return max(1, math.ceil(1.6 * window_sigma(_array_window(window))))
 
 
 def _array_window(window: float) -> float:
@@ -132,7 +132,7 @@ def _array_window(window: float) -> float:
         window,
         f"an array of operators needs a window of at least {SMALLEST_ARRAY} px; widen it",
     )
-    return min(_ARRAY_SHARE * window, _ARRAY_LARGEST)
+    return min(max(_ARRAY_SHARE * window, 5.0), _ARRAY_LARGEST)
 
 
 def _gabors(sigma: float, low: float, high: float) -> list[Kernel]:

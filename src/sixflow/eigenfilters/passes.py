@@ -35,14 +35,8 @@ from sixflow.passes import Passes, Seen, Workspace, feedback_scale
 from sixflow.restriction import inverse, maps_of, unknowns
 from sixflow.settings import Settings
 
-_NEIGHBOURS = (
-    (1, 0),
-    (0, 1),
-    (1, 1),
-    (1, -1),
-    (2, 0),
-    (0, 2),
-)  # one of each pair ±δ; further ones would change the standard errors by less than 5 %
+_NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2), (2, 1), (1, 2), (2, -1), (1, -2))
+"""One of each pair ±δ of positions whose noise is counted as shared; further ones share too little to matter."""
 
 
 class EigenfilterPasses(Passes):
@@ -174,9 +168,8 @@ class OperatorArray:
         Between positions, px: about two standard deviations of the kernels.
     width : float
         Standard deviation of the pooling Gaussian, px: with the extent of the operators themselves, the pooled array
-        has the window's σ for a pattern whose gradients are white. For patterns with details of 3 to 6 px operators
-        look further than their extent, and the pooled array's σ is larger: by 4 to 8 % of a window of 31 px, by 10 to
-        16 % of one of 15.
+        has the window's σ. That holds for patterns with details of some 3 px; of coarser ones the pooled array answers
+        displacements as a Gaussian of up to 3 % more would.
     frame_constant : float
         Σ_q |S f|² over |f|².
     freedom : int

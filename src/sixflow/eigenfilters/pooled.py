@@ -4,19 +4,21 @@
 stand on a lattice of positions q about the point, each gives equations for the map about p, and all are solved
 together under the Gaussian weights w_q (`pool`). With S = T R the whitened kernels and Ī the mean frame,
 
-    D_q = −S (a·∇Ī),   t_q = T (g1 − g0),   A_q = D̃_q M(q − p),   τ = (Σ w A_qᵀ A_q)⁻¹ Σ w A_qᵀ t̃_q,
+    D_q = −S (a·∇Ī),   t_q = T (g1 − g0),   A_q = D̃_q M(q − p),   τ = (Σ w A_qᵀ A_q − Γ)⁻¹ Σ w A_qᵀ t̃_q,
 
 ∇ the central difference of the frames, which here acts on the kernels: by parts, these are derivative kernels that
 hold for whatever waves the pixels resolve. (The analytic ones of `FilterBank` differ from them where a kernel's own
 waves are finer than pixels: near the singular axes of hyperbolic kernels. Whitening brings that forward.) The tilde
 takes out what is not motion: brightness up to its curvature, contrast and its slope; or, if `phase_only`, the
-amplitude of every kernel, which leaves the phases. Where the contrast changed, D is multiplied by κ (`array`). The
-covariance counts that the noise of overlapping operators is correlated.
+amplitude of every kernel, which leaves the phases. Where the contrast changed, D is multiplied by κ (`array`). Γ is
+what the noise of Ī adds to the sum; left in, it would shrink τ in noisy frames. The covariance counts that the noise of
+overlapping operators is correlated.
 
 | symbol | name |
 |---|---|
 | t, D | `target`, `design` |
 | M(d): the τ about q = p + d from those about p | `moved_six` |
+| Γ | `of_noise` |
 | K_δ = S(o) S(o − δ)ᵀ | `overlap` |
 """
 
@@ -36,10 +38,12 @@ from sixflow.eigenfilters.default import array_bank, array_spacing
 from sixflow.eigenfilters.geometry import Real
 from sixflow.eigenfilters.joint import SIX_FROM_TAU, JointEstimate
 from sixflow.eigenfilters.patches import finite_frame, patch_blocks
+from sixflow.eigenfilters.projection import extent_of
 from sixflow.engine.warp import DERIVATIVE
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
 
+_WORST = 1e-10  # least eigenvalue of a normal matrix, over the largest
 _REACH = 3.0  # positions within so many σ_w of the point
 
 
@@ -104,8 +108,7 @@ class PooledOperator:
             raise InputError(
                 f"bank has {len(S)} independent responses: {removed + 6} unknowns need more; add orientations or orders"
             )
-        weight = (S**2).sum(axis=0)
-        extent = math.sqrt((weight * (x * x + y * y)).sum() / weight.sum() / 2)
+        extent = extent_of(S)
         if extent >= self.sigma:
             raise InputError(
                 f"bank: its operators reach {extent:.3g} px from their centre, the window of {window:g} px only "
@@ -114,6 +117,8 @@ class PooledOperator:
         self.width = math.sqrt(self.sigma**2 - extent**2)
         self._whitening, self._kernels = T, np.ascontiguousarray(W.T)
         self._slopes = np.concatenate([_derivative(S, a, x, y) for a in GENERATORS]).T.copy()
+        of_each = self._slopes.reshape(len(self._slopes), len(GENERATORS), -1)
+        self._gradient_noise = np.einsum("pkm,plm->kl", of_each, of_each) * self.freedom / len(S)
         self._lighting = np.concatenate([S, S * (x / self.sigma), S * (y / self.sigma)]).T.copy()
         self._offsets = self._lattice()
         self._overlaps = _overlaps(S.reshape(-1, n, n), self.spacing)
@@ -212,19 +217,25 @@ class PooledOperator:
         blocks = patch_blocks(frames, at[kept, 0], at[kept, 1], radius)
         parts = [self._equations(still, moved) for _, (still, moved) in blocks]
         design, target, lost = (np.concatenate(part) for part in zip(*parts, strict=True))
-        A = design @ np.stack([moved_six(*offset) for offset in self._offsets[kept]])
-        w = weight[kept]
-        normal = np.einsum("q,qmi,qmj->ij", w, A, A)
-        size = np.sqrt(np.maximum(np.diagonal(normal), 1e-300))
-        if not np.isfinite(normal).all() or np.linalg.cond(normal / np.outer(size, size)) > 1e10:
+        M = np.stack([moved_six(*offset) for offset in self._offsets[kept]])
+        A, w = design @ M, weight[kept]
+        normal, right = np.einsum("q,qmi,qmj->ij", w, A, A), np.einsum("q,qmi,qm->i", w, A, target)
+        if not _solvable(normal):
             return None
-        inverse = np.linalg.inv(normal)
-        tau = inverse @ np.einsum("q,qmi,qm->i", w, A, target)
-        rest = target - A @ tau
+        rest = target - A @ np.linalg.solve(normal, right)
         noise = np.sqrt(((rest**2).sum(axis=1) + lost) / self.freedom)
+        # the mean of two frames has a quarter of the noise of their difference
+        of_noise = np.einsum("q,qki,kl,qlj->ij", w * noise**2 / 4, M, self._gradient_noise, M)
+        if not _solvable(normal - of_noise):
+            return None
+        inverse = np.linalg.inv(normal - of_noise)
         meat = self._correlated(A * (w * noise)[:, None, None], kept)
         covariance = inverse @ meat @ inverse * np.outer(SIX_FROM_TAU, SIX_FROM_TAU)
-        return tau * SIX_FROM_TAU, covariance, float(np.sqrt(np.average(noise**2, weights=w) / 2))
+        return (
+            inverse @ right * SIX_FROM_TAU,
+            covariance,
+            float(np.sqrt(np.average(noise**2, weights=w) / 2)),
+        )
 
     def _equations(self, still: NDArray[Any], moved: NDArray[Any]) -> tuple[Real, Real, Real]:
         """Design (positions, m, 6) and target (positions, m), without what is not motion; and what of the change of
@@ -283,6 +294,15 @@ def _smooth_surfaces(x: Real, y: Real, *, constant: bool) -> Real:
     q, _ = np.linalg.qr(np.stack(surfaces, axis=1))
     result: Real = q if constant else q[:, 1:]
     return result
+
+
+def _solvable(normal: Real) -> bool:
+    """Whether a normal matrix is safely positive definite, in units in which its diagonal is 1."""
+    diagonal = np.diagonal(normal)
+    if not (np.isfinite(normal).all() and (diagonal > 1e-300).all()):
+        return False
+    values = np.linalg.eigvalsh(normal / np.sqrt(np.outer(diagonal, diagonal)))
+    return bool(values[0] > _WORST * values[-1])
 
 
 def _derivative(S: Real, generator: Real, x: Real, y: Real) -> Real:

@@ -21,6 +21,7 @@ multiplications are saved.
 from __future__ import annotations
 
 import functools
+import math
 from typing import Any
 
 import numpy as np
@@ -90,11 +91,8 @@ class Projection:
 
     @property
     def extent(self) -> float:
-        """Standard deviation, along one axis, of where the rows look (Σ_j S_j²), px."""
-        weight = (self.rows**2).sum(axis=0)
-        side = np.arange(-self.radius, self.radius + 1)
-        squared = (side[:, None] ** 2 + side[None, :] ** 2).ravel()
-        return float(np.sqrt((weight * squared).sum() / weight.sum() / 2))
+        """Standard deviation, along one axis, of where the rows look for motion, px (`extent_of`)."""
+        return extent_of(self.rows)
 
     def responses(self, folded: tuple[NDArray[Any], NDArray[Any]]) -> NDArray[Any]:
         """S I of folded patches (p(o) + p(−o) and p(o) − p(−o), each (points, n²//2 + 1)); shape (points, m)."""
@@ -172,6 +170,26 @@ class Projection:
         stacked = np.stack(columns).reshape(6, -1)
         result: Real = stacked @ stacked.T
         return result
+
+
+def extent_of(rows: Real) -> float:
+    """Standard deviation, along one axis, of where orthonormal rows (m, n²) look for motion, px.
+
+    A displacement e(x) of a pattern with the gradient g is seen as Σ_j ⟨S_j, g⟩⟨S_j, g e⟩: with the weight
+    Σ_j S_j(x) (C ∗ S_j)(x) at x, C the autocorrelation of the gradient. C is taken of blobs of σ = 1 px, whose gradient
+    has the power k² exp(−k²): of coarser patterns the operators look a little further, of finer ones less far.
+    """
+    n = math.isqrt(rows.shape[1])
+    size = max(_PERIOD, 2 * n)
+    k = 2 * np.pi * np.fft.fftfreq(size)
+    power = k[:, None] ** 2 + k[None, :] ** 2
+    images = rows.reshape(-1, n, n)
+    spectra = np.fft.fft2(images, (size, size)) * (power * np.exp(-power))
+    correlated = np.fft.ifft2(spectra).real[:, :n, :n]
+    weight = (images * correlated).sum(axis=0)
+    side = np.arange(n) - n // 2
+    squared = side[:, None] ** 2 + side[None, :] ** 2
+    return float(np.sqrt((weight * squared).sum() / weight.sum() / 2))
 
 
 @functools.lru_cache(maxsize=8)
