@@ -44,6 +44,7 @@ from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
 
 _WORST = 1e-10  # least eigenvalue of a normal matrix, over the largest
+_LEAST = 0.05  # of a normal matrix that is left without its noise
 _REACH = 3.0  # positions within so many σ_w of the point
 
 
@@ -226,9 +227,7 @@ class PooledOperator:
         noise = np.sqrt(((rest**2).sum(axis=1) + lost) / self.freedom)
         # the mean of two frames has a quarter of the noise of their difference
         of_noise = np.einsum("q,qki,kl,qlj->ij", w * noise**2 / 4, M, self._gradient_noise, M)
-        if not _solvable(normal - of_noise):
-            return None
-        inverse = np.linalg.inv(normal - of_noise)
+        inverse = _inverse_without(normal, of_noise)
         meat = self._correlated(A * (w * noise)[:, None, None], kept)
         covariance = inverse @ meat @ inverse * np.outer(SIX_FROM_TAU, SIX_FROM_TAU)
         return (
@@ -303,6 +302,15 @@ def _solvable(normal: Real) -> bool:
         return False
     values = np.linalg.eigvalsh(normal / np.sqrt(np.outer(diagonal, diagonal)))
     return bool(values[0] > _WORST * values[-1])
+
+
+def _inverse_without(normal: Real, of_noise: Real) -> Real:
+    """(N − Γ)⁻¹, of which at least `_LEAST` of N is kept in every direction."""
+    lower = np.linalg.inv(np.linalg.cholesky(normal))
+    shares, directions = np.linalg.eigh(lower @ of_noise @ lower.T)
+    root = lower.T @ directions / np.sqrt(1 - np.minimum(shares, 1 - _LEAST))
+    result: Real = root @ root.T
+    return result
 
 
 def _derivative(S: Real, generator: Real, x: Real, y: Real) -> Real:
