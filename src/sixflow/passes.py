@@ -324,7 +324,9 @@ class Passes:
         bread = feedback_scale(seen.rho)[..., None] * (transform @ projection(clean, basis))
         covariance = bread @ noise @ np.swapaxes(bread, -1, -2)
         for k in ABSENT[self.settings.group]:  # zero by assumption, not by rounding
-            covariance[..., k, :] = covariance[..., :, k] = np.where(np.isnan(covariance[..., 0, :]), np.nan, 0)
+            covariance[..., k, :] = covariance[..., :, k] = np.where(
+                np.isnan(covariance[..., 0, :]), np.nan, 0
+            )
         return covariance.astype(self.dtype)
 
     def _seen(self) -> Seen:

@@ -16,8 +16,8 @@ chance about 1/√N. The log-likelihood ratio between a map and another one is a
 
 with ρ_rival = 0 for chance. A point has *converged* if that is
 
-- at least `CHANCE` against chance: unrelated frames reach 6 to 14, the best of several hundred places with
-  six fitted numbers;
+- at least `CHANCE` against chance: unrelated frames, the best of thousands of places and six numbers fitted, reach 5 to
+  15, and about one in a hundred reaches 20;
 - at least `RIVAL` against the best other map at which a candidate ended: a repeating pattern is not trusted;
 
 if most of the window has a partner in frame 1, and the last step was small. It says that the windows match as
@@ -71,7 +71,7 @@ ORIGINS = ("no motion", *(f"{first}, {second}" for first, second in PAIRS), "tur
 _LOW_WAVES, _ALL_WAVES = (14.0, 42.0), (7.0, 21.0)  # px
 _REACH = 3.0  # radius of the patches over σ
 _SUMMITS, _LATTICE_SUMMITS, _KEPT = 4, 2, 5
-_LOW_STEPS, _STEPS, _LAST_STEPS = 4, 8, 3
+_LOW_STEPS, _STEPS, _LAST_STEPS = 4, 8, 6
 _LARGEST_LAST = 0.1  # px
 _LEAST_WEIGHT = 0.75
 _CUBIC, _QUINTIC = 3, 5
