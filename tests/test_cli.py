@@ -184,6 +184,7 @@ def test_every_flag_reaches_the_settings(field):
     choices = {
         "method": "eigenfilter",
         "group": "similarity",
+        "search": "pyramid",
         "interpolation": "cubic",
         "lighting": "local",
     } | {"length_unit": "µm"}

@@ -17,6 +17,7 @@ from sixflow.errors import InputError
 Interpolation = Literal["cubic", "quintic"]
 Lighting = Literal["none", "gain+offset", "local"]
 Group = Literal["affine", "similarity", "euclidean", "translation"]
+Search = Literal["auto", "pyramid"]
 Method = Literal["least_squares", "eigenfilter"]
 
 
@@ -45,6 +46,10 @@ class Settings:
     lighting : {"none", "gain+offset", "local"}
         What may change in the light between the frames: nothing; gain and offset of each window (the
         zero-normalised criterion); or the local mean and contrast, divided out of each frame beforehand.
+    search : {"auto", "pyramid"}
+        How large motion is found: from coarse to fine, and where most points fail so, by capturing the
+        map about a few points (turns to 30° or more, zooms by a third; some seconds); or from coarse to
+        fine alone.
     levels : int or None
         Number of halvings of the frame that the search for large motion starts from, 0 to 12. None
         chooses it from frame and window.
@@ -84,6 +89,7 @@ class Settings:
     sharpen: int = 0
     interpolation: Interpolation = "quintic"
     lighting: Lighting = "none"
+    search: Search = "auto"
     levels: int | None = None
     passes: int = 8
     tolerance: float = 0.005
@@ -119,6 +125,7 @@ class Settings:
             f"must be 0 with group={self.group!r}: sharpening needs all six numbers; take group='affine'",
         )
         _require_choice("interpolation", self.interpolation, get_args(Interpolation))
+        _require_choice("search", self.search, get_args(Search))
         _require_choice("lighting", self.lighting, get_args(Lighting))
         _require(
             self.levels is None or _is_whole(self.levels, 0, 12),
@@ -219,6 +226,7 @@ class SettingsOptions(TypedDict, total=False):
     sharpen: int
     interpolation: Interpolation
     lighting: Lighting
+    search: Search
     levels: int | None
     passes: int
     tolerance: float

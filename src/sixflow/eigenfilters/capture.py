@@ -16,8 +16,8 @@ chance about 1/√N. The log-likelihood ratio between a map and another one is a
 
 with ρ_rival = 0 for chance. A point has *converged* if that is
 
-- at least `CHANCE` against chance: unrelated frames, the best of thousands of places and six numbers fitted, reach 5 to
-  15, and about one in a hundred reaches 20;
+- at least `CHANCE` against chance: the best of thousands of places, with six fitted numbers, reaches 5 to 15 in frames
+  that have nothing to do with each other, and seldom 20;
 - at least `RIVAL` against the best other map at which a candidate ended: a repeating pattern is not trusted;
 
 if most of the window has a partner in frame 1, and the last step was small. It says that the windows match as
