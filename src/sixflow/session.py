@@ -26,6 +26,7 @@ from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, 
 from sixflow.passes import Passes, Quality, Workspace
 from sixflow.refine import refine
 from sixflow.rescue import FAILED, rescue
+from sixflow.restriction import ABSENT
 from sixflow.search import search
 from sixflow.settings import Settings
 from sixflow.validate import flag_points
@@ -141,6 +142,7 @@ class Session:
                     maps, quality, flag = again
         failed = (flag & FAILING).astype(bool)
         six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, maps, axes=1), 0, -1)
+        six[..., ABSENT.get(settings.group, ())] *= 0.0  # by assumption, not by rounding; NaN stays NaN
         measured = {
             "six": six,
             "covariance": quality.covariance,
