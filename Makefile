@@ -10,7 +10,7 @@ demo: $(STAMP)
 	$(BIN)/sixflow demo --output demo --overwrite
 
 test: $(STAMP)
-	$(BIN)/python -m pytest
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest  # small products: threads of the library only wait for each other
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
