@@ -92,7 +92,7 @@ class GroupCorrelation:
 
     Examples
     --------
-    A turn by 0.5 rad has the curl 2 sin 0.5 = 0.96; to the nearest sample:
+    A turn by 0.5 rad has the curl 2 sin 0.5 = 0.96; samples are 0.05 rad apart:
 
     >>> from sixflow import synth
     >>> from sixflow.eigenfilters.warped import Spline
@@ -102,7 +102,7 @@ class GroupCorrelation:
     >>> turns = GroupCorrelation(("L_s", "L_r"), window=31)
     >>> highest = turns.summits(turns.surface(near, np.zeros((1, 6))), 1)[0, 0]
     >>> f"curl {highest[3]:.2f}"
-    'curl 0.98'
+    'curl 1.00'
     """
 
     def __init__(self, pair: tuple[str, str], window: float) -> None:
