@@ -1,0 +1,83 @@
+"""Ours: which settings are run, and the call.
+
+| column | settings |
+|---|---|
+| default | none: `measure(frame0, frame1)` |
+| sharpen=2 | that one |
+| eigenfilter | `method="eigenfilter"` |
+| by experiment | `BY_EXPERIMENT`, chosen by what was recorded, not by what came out |
+
+No setting depends on the case. A setting by experiment follows the custom of its field: particle images are
+compared in windows of 16 px, speckles with a criterion that allows for a change of light, scenes of a camera in
+small windows, because many things move in them.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Any
+
+import numpy as np
+
+import sixflow
+from public_cases.case import Case
+from public_cases.measured import STEP, Measured
+from sixflow.convention import SIX
+from sixflow.engine.window import window_sigma
+from sixflow.errors import InputError
+
+BY_EXPERIMENT: dict[str, dict[str, Any]] = {
+    "PIV": {"window": 16, "sharpen": 2},
+    "DIC": {"lighting": "gain+offset"},
+    "vision": {"window": 21, "lighting": "gain+offset"},
+}
+COLUMNS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "sharpen=2": {"sharpen": 2},
+    "eigenfilter": {"method": "eigenfilter"},
+}
+STANDING = ("default", "by experiment")
+"""Columns that can meet a target: settings that a user takes without having seen the case."""
+
+
+def settings_of(experiment: str, extra: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Settings of each of our columns for an experiment; `extra` are columns asked for on the command line."""
+    return COLUMNS | {"by experiment": BY_EXPERIMENT[experiment]} | extra
+
+
+def warm_up(extra: dict[str, dict[str, Any]]) -> None:
+    """Call every column's code once, so that no case pays for compiling it."""
+    frame = np.random.default_rng(0).normal(size=(96, 96))
+    options = [*COLUMNS.values(), *BY_EXPERIMENT.values(), *extra.values()]
+    for one in options:
+        sixflow.measure(frame, frame, **one)
+
+
+def measure_ours(case: Case, options: dict[str, Any]) -> Measured | None:
+    """Measure a case; None if it cannot be measured with these settings, such as a window larger than the frame."""
+    begin = time.perf_counter()
+    try:
+        field = sixflow.measure(case.frame0, case.frame1, **{"step": STEP} | options)
+    except InputError:
+        return None
+    seconds = time.perf_counter() - begin
+    covariance = field.covariance.values[0].astype(float)
+    error = np.sqrt(np.moveaxis(np.diagonal(covariance, axis1=-2, axis2=-1), -1, 0))
+    used = json.loads(field.attrs["settings"])
+    return Measured(
+        field.x.values,
+        field.y.values,
+        np.stack([field[name].values[0].astype(float) for name in SIX]),
+        error,
+        field.flag.values[0] == 0,
+        used.get("reference", "first") == "middle",
+        seconds,
+        window_sigma(field.attrs["effective_window"]),
+        used["sharpen"],
+    )
+
+
+def spelled(options: dict[str, Any]) -> str:
+    """Settings as Python spells them."""
+    return ", ".join(f"{name}={value!r}" for name, value in options.items()) or "no options"
