@@ -275,17 +275,32 @@ def test_light_that_varies_over_the_frame(scene, lighting, limit):
     inside = measured.depth(field) >= 48
     error = measured.rms(measured.errors(field, scene)[inside])
     assert error[:2].max() < limit
-    without = measure(scene.frame0, frame1)
+    without = measure(scene.frame0, frame1, lighting="none")
     worse = measured.rms(np.nan_to_num(measured.errors(without, scene), nan=1.0)[inside])
     assert worse[:2].max() > 2 * error[:2].max()
 
 
 def test_changed_light_is_noted(scene):
     assert measure(scene.frame0, scene.frame1).attrs["notes"] == ""
-    brighter = measure(scene.frame0, scene.frame1 + 40)
+    brighter = measure(scene.frame0, scene.frame1 + 40, lighting="none")
     assert "brightness +40" in brighter.attrs["notes"]
-    assert 'lighting="gain+offset"' in brighter.attrs["notes"]
-    assert "contrast × 1.50" in measure(scene.frame0, 1.5 * scene.frame1).attrs["notes"]
+    assert 'consider lighting="gain+offset"' in brighter.attrs["notes"]
+
+
+def test_changed_light_is_seen_and_corrected(scene):
+    frame1 = 1.5 * scene.frame1 - 30
+    field = measure(scene.frame0, frame1)
+    assert "contrast × 1.50" in field.attrs["notes"]
+    assert "its own gain and offset" in field.attrs["notes"]
+    corrected = measure(scene.frame0, frame1, lighting="gain+offset")
+    np.testing.assert_array_equal(measured.six_of(field), measured.six_of(corrected))
+
+
+def test_steady_light_is_not_corrected(scene):
+    frames = measured.noisy(scene, 2)
+    np.testing.assert_array_equal(
+        measured.six_of(measure(*frames)), measured.six_of(measure(*frames, lighting="none"))
+    )
 
 
 def test_frozen_numbers():

@@ -21,6 +21,7 @@ from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.field.flags import FLAGS
 from sixflow.grid import Grid
+from sixflow.lighting import Change
 from sixflow.method import passes_of
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
 from sixflow.passes import Passes, Quality, Workspace
@@ -91,7 +92,7 @@ class Session:
                 f"{name} is constant ({array.flat[0]}): there is no texture to follow; check the frame or its exposure"
             )
         notes = (f"{name}: {missing} pixels without a value (NaN or infinite) are masked",) if missing else ()
-        sample = kept[::4, ::4] if kept.ndim == 2 else kept
+        sample = _sample(image, valid if self.mask is None else both_valid(self.mask, valid))
         digest = hashlib.sha256(np.ascontiguousarray(array).data).digest()
         mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
         if self.settings.lighting == "local":
@@ -122,7 +123,8 @@ class Session:
 
     def measure_pair(self, reference: Prepared, moved: Prepared, numbers: tuple[int, int]) -> PairResult:
         """Measure one pair: search, refine, judge."""
-        settings, grid = self.settings, self.grid
+        change, grid = Change.between(reference, moved), self.grid
+        settings = change.settings(self.settings)
         region = reference.frame
         if self.mask is not None:
             region = reference.frame.within(both_valid(self.mask, reference.frame.valid))
@@ -162,7 +164,7 @@ class Session:
             + moved.frame.nbytes
             + sum(m.nbytes for m in measured.values())
         )
-        notes = (*reference.notes, *moved.notes, *_lighting_notes(reference, moved, numbers, settings))
+        notes = (*reference.notes, *moved.notes, *change.notes(self.settings, numbers))
         return PairResult(
             **measured, flag=flag, numbers=numbers, digest=digest.hexdigest()[:16], notes=notes, memory=memory
         )
@@ -204,6 +206,15 @@ class Session:
         )
 
 
+def _sample(image: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
+    """Every fourth pixel of every fourth row, of those that count; one zero if none does."""
+    if not valid.size:
+        return image[::4, ::4]
+    counted = valid.astype(bool)
+    some = image[::4, ::4][counted[::4, ::4]]
+    return some if some.size else image[counted] if counted.any() else np.zeros(1, image.dtype)
+
+
 def _share_failed(flag: NDArray[np.uint8]) -> float:
     """Share of the points that are not masked and failed."""
     asked = (flag & FLAGS["masked"]) == 0
@@ -222,19 +233,3 @@ def _check_mask(mask: ArrayLike) -> NDArray[np.uint8]:
             "mask is False everywhere: nothing is left to measure; True marks the region of interest"
         )
     return (array != 0).astype(np.uint8)
-
-
-def _lighting_notes(
-    reference: Prepared, moved: Prepared, numbers: tuple[int, int], settings: Settings
-) -> tuple[str, ...]:
-    """Say so when the light changed between the frames and the settings do not allow for it."""
-    if settings.lighting != "none" or settings.method == "eigenfilter" or reference.spread == 0:
-        return ()
-    gain, shift = moved.spread / reference.spread, (moved.mean - reference.mean) / reference.spread
-    if abs(gain - 1) < 0.1 and abs(shift) < 0.2:
-        return ()
-    return (
-        f"frames {numbers[0]} and {numbers[1]}: the light changed (contrast × {gain:.2f}, "
-        f"brightness {moved.mean - reference.mean:+.3g} grey); "
-        'consider lighting="gain+offset"',
-    )

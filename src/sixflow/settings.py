@@ -15,7 +15,7 @@ from typing import Any, Literal, TypedDict, get_args
 from sixflow.errors import InputError
 
 Interpolation = Literal["cubic", "quintic"]
-Lighting = Literal["none", "gain+offset", "local"]
+Lighting = Literal["auto", "none", "gain+offset", "local"]
 Group = Literal["affine", "similarity", "euclidean", "translation"]
 Search = Literal["auto", "pyramid"]
 Method = Literal["least_squares", "eigenfilter"]
@@ -43,9 +43,10 @@ class Settings:
         Number of sharpening passes, 0 to 16: finer resolution of the same window, for more noise.
     interpolation : {"cubic", "quintic"}
         B-spline that interpolates the moved frame; quintic has the least bias and costs more.
-    lighting : {"none", "gain+offset", "local"}
+    lighting : {"auto", "none", "gain+offset", "local"}
         What may change in the light between the frames: nothing; gain and offset of each window (the
         zero-normalised criterion); or the local mean and contrast, divided out of each frame beforehand.
+        "auto" takes gain and offset where the frames differ in contrast or brightness, else nothing.
     search : {"auto", "pyramid"}
         How large motion is found: from coarse to fine, and where most points fail so, by capturing the
         map about a few points (turns to 30° or more, zooms by a third; some seconds); or from coarse to
@@ -88,7 +89,7 @@ class Settings:
     group: Group = "affine"
     sharpen: int = 0
     interpolation: Interpolation = "quintic"
-    lighting: Lighting = "none"
+    lighting: Lighting = "auto"
     search: Search = "auto"
     levels: int | None = None
     passes: int = 8

@@ -1,0 +1,73 @@
+"""Lighting: whether the light changed between two frames, and what is done about it.
+
+Contrast (standard deviation) and brightness (mean) of whole frames tell a lamp that flickers or a camera that drifts.
+Both also change a little when something enters or leaves the frame; then the zero-normalised criterion, which
+`lighting="auto"` takes, costs time and nothing else.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Protocol
+
+from sixflow.settings import Settings
+
+CONTRAST, BRIGHTNESS = 0.05, 0.1
+"""Changes that are let pass: of the contrast, as a share of it, and of the brightness, in units of it."""
+
+
+class Lit(Protocol):
+    """A frame whose mean and standard deviation are known, grey."""
+
+    @property
+    def mean(self) -> float:
+        """Mean of the pixels that count."""
+
+    @property
+    def spread(self) -> float:
+        """Their standard deviation."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Change:
+    """Change of light from one frame to another: contrast × `gain`, brightness + `offset` grey."""
+
+    gain: float
+    offset: float
+    seen: bool
+
+    @classmethod
+    def between(cls, reference: Lit, moved: Lit) -> Change:
+        """Compare two frames.
+
+        Examples
+        --------
+        >>> from types import SimpleNamespace as Frame
+        >>> Change.between(Frame(mean=100, spread=40), Frame(mean=102, spread=41))
+        Change(gain=1.025, offset=2, seen=False)
+        """
+        offset = moved.mean - reference.mean
+        if reference.spread == 0:
+            return cls(math.nan, offset, False)
+        gain = moved.spread / reference.spread
+        return cls(gain, offset, abs(gain - 1) > CONTRAST or abs(offset) > BRIGHTNESS * reference.spread)
+
+    def settings(self, settings: Settings) -> Settings:
+        """Return the settings with `lighting="auto"` replaced by what this change asks for."""
+        if settings.lighting != "auto":
+            return settings
+        corrected = self.seen and settings.method != "eigenfilter"
+        return dataclasses.replace(settings, lighting="gain+offset" if corrected else "none")
+
+    def notes(self, settings: Settings, numbers: tuple[int, int]) -> tuple[str, ...]:
+        """Say what was done about the change, or what could be."""
+        if not self.seen or settings.method == "eigenfilter" or settings.lighting not in ("auto", "none"):
+            return ()
+        said = "each window is allowed its own gain and offset"
+        if settings.lighting == "none":
+            said = 'consider lighting="gain+offset"'
+        return (
+            f"frames {numbers[0]} and {numbers[1]}: the light changed (contrast × {self.gain:.2f}, "
+            f"brightness {self.offset:+.3g} grey); {said}",
+        )
