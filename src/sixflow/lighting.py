@@ -48,7 +48,7 @@ class Change:
         Change(gain=1.025, offset=2, seen=False)
         """
         offset = moved.mean - reference.mean
-        if reference.spread == 0:
+        if min(reference.spread, moved.spread) == 0:
             return cls(math.nan, offset, False)
         gain = moved.spread / reference.spread
         return cls(gain, offset, abs(gain - 1) > CONTRAST or abs(offset) > BRIGHTNESS * reference.spread)
