@@ -16,6 +16,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.convention import SIX_FROM_GRADIENT
+from sixflow.convention.reference import SHARE
 from sixflow.engine.window import attenuation_period
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
@@ -24,6 +25,7 @@ from sixflow.grid import Grid
 from sixflow.method import passes_of
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
 from sixflow.passes import Passes, Quality, Workspace
+from sixflow.placing import placed
 from sixflow.refine import refine
 from sixflow.rescue import FAILED, rescue
 from sixflow.restriction import ABSENT
@@ -130,16 +132,11 @@ class Session:
                 raise InputError(
                     "mask is True only where frame 0 has no value (NaN or infinite): nothing is left to measure"
                 )
-        passes = passes_of(settings)(region, moved.frame, grid, settings, self.workspace)
-        maps, quality, flag = self._refined(
-            passes, search(region, moved.frame, grid, settings, self.workspace), region
-        )
-        if settings.search == "auto" and _share_failed(flag) > FAILED:
-            start = rescue(region, moved.frame, grid, settings)
-            if start is not None:
-                again = self._refined(passes, start, region)
-                if _share_failed(again[2]) < _share_failed(flag):
-                    maps, quality, flag = again
+        if settings.reference == "second":  # frame 1 is the one that stays: frame 0 is found from it, backwards
+            maps, quality, flag = self._measured(moved.frame, region)
+            maps = -maps
+        else:
+            maps, quality, flag = self._measured(region, moved.frame)
         failed = (flag & FAILING).astype(bool)
         six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, maps, axes=1), 0, -1)
         six[..., ABSENT.get(settings.group, ())] *= 0.0  # by assumption, not by rounding; NaN stays NaN
@@ -167,12 +164,30 @@ class Session:
             **measured, flag=flag, numbers=numbers, digest=digest.hexdigest()[:16], notes=notes, memory=memory
         )
 
+    def _measured(
+        self, region: Frame, moved: Frame
+    ) -> tuple[NDArray[Any], Quality, NDArray[np.uint8]]:
+        """Search, refine and judge: maps from `region` to `moved`, quality and flags."""
+        settings, grid = self.settings, self.grid
+        plain = settings.replace(reference="first")
+        share = SHARE[settings.reference] if settings.reference == "middle" else 0.0
+        passes = passes_of(settings)(region, moved, grid, settings if share else plain, self.workspace)
+        maps = search(region, moved, grid, plain, self.workspace)
+        maps, quality, flag = self._refined(passes, placed(maps, grid, share) if share else maps, region)
+        if settings.search == "auto" and _share_failed(flag) > FAILED:
+            rescued = rescue(region, moved, grid, plain)
+            if rescued is not None:
+                again = self._refined(passes, placed(rescued, grid, share) if share else rescued, region)
+                if _share_failed(again[2]) < _share_failed(flag):
+                    maps, quality, flag = again
+        return maps, quality, flag
+
     def _refined(
         self, passes: Passes, start: NDArray[Any], region: Frame
     ) -> tuple[NDArray[Any], Quality, NDArray[np.uint8]]:
         """Refine a start and judge it: maps, quality and flags."""
         maps, quality, left = refine(passes, start)
-        flag = flag_points(passes.dense(maps), quality, left, self.grid, region, self.settings)
+        flag = flag_points(passes.dense(maps), quality, left, self.grid, region, passes.settings)
         return maps, quality, flag
 
     def field(self, result: PairResult, time: Sequence[float], unit: str) -> xr.Dataset:
