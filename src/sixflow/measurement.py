@@ -11,12 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Literal, Unpack, get_args
 
+import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import joined_attrs, said_of_pairs
+from sixflow.masks import MaskLike, Masks
 from sixflow.session import Prepared, Session
 from sixflow.settings import Settings, SettingsOptions
 
@@ -27,7 +29,7 @@ def measure(
     frame0: ArrayLike,
     frame1: ArrayLike,
     *,
-    mask: ArrayLike | None = None,
+    mask: MaskLike | None = None,
     settings: Settings | None = None,
     **options: Unpack[SettingsOptions],
 ) -> xr.Dataset:
@@ -38,8 +40,10 @@ def measure(
     frame0, frame1 : array_like, shape (height, width)
         Grey values: integers or floats of any range. frame0 is the reference: frame1(x + u) =
         frame0(x). Pixels that are NaN or infinite are masked.
-    mask : array_like of bool, shape (height, width), optional
-        Region of interest of frame 0: True where to measure.
+    mask : array_like of bool or int, shape (height, width) or (2, height, width), optional
+        Region of interest of frame 0: True where to measure. Parts that a gap separates are measured apart. Whole
+        numbers name the bodies: 0 is not measured, those of different numbers are measured apart and may touch.
+        With one mask for each frame a pixel counts only where both allow it, at x and at x + u.
     settings : Settings, optional
         How to measure; the defaults if not given.
     **options
@@ -77,8 +81,9 @@ def measure(
     >>> float(abs(field.divergence - 0.04).max()) < 0.02
     True
     """
-    session = Session((settings or Settings()).replace(**options), mask)
-    frames = [session.prepare(frame, f"frame{k}") for k, frame in enumerate((frame0, frame1))]
+    masks = _masks_of_a_pair(mask)
+    session = Session((settings or Settings()).replace(**options), masks_move=masks.moving)
+    frames = [session.prepare(frame, f"frame{k}", masks.at(k)) for k, frame in enumerate((frame0, frame1))]
     return session.field(session.measure_pair(frames[0], frames[1], (0, 1)), [0.0], "frame")
 
 
@@ -157,7 +162,8 @@ def iterate_sequence(
     """
     if pairs not in get_args(Pairs):
         raise InputError(f"pairs={pairs!r}: must be one of 'consecutive', 'first'")
-    session = Session((settings or Settings()).replace(**options), mask)
+    masks = Masks(mask)
+    session = Session((settings or Settings()).replace(**options), masks_move=masks.moving)
     stamps = getattr(frames, "times", None) if times is None else times
     reference: Prepared | None = None
     count = 0
@@ -165,7 +171,7 @@ def iterate_sequence(
     for number, raw in enumerate(frames):
         count += 1
         if reference is None or number > skip or (pairs == "consecutive" and number == skip):
-            frame = session.prepare(raw, f"frame {number}")
+            frame = session.prepare(raw, f"frame {number}", masks.at(number))
             if reference is not None and number > skip:
                 first = 0 if pairs == "first" else number - 1
                 result = session.measure_pair(reference, frame, (first, number))
@@ -175,6 +181,14 @@ def iterate_sequence(
                 reference = frame
     if count < 2:
         raise InputError(f"frames: {count} given; a motion needs at least two")
+
+
+def _masks_of_a_pair(mask: MaskLike | None) -> Masks:
+    if isinstance(mask, np.ndarray) and mask.ndim == 3 and len(mask) != 2:
+        raise InputError(
+            f"mask has shape {mask.shape}: must be (height, width), or (2, height, width) with one for each frame"
+        )
+    return Masks(mask)
 
 
 def join_fields(fields: Sequence[xr.Dataset]) -> xr.Dataset:

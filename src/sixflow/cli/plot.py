@@ -119,8 +119,8 @@ def _read_frame(path: str, field: xr.Dataset, time: int) -> Any:
     from sixflow.frames import open_frames
 
     pair, source = one_pair(field, time), open_frames(path)
-    name = "frame1" if reference_of(pair) == "second" else "frame0"
+    name, part = ("frame1", "ends") if reference_of(pair) == "second" else ("frame0", "begins")
     number = int(pair[name]) if len(source) > 1 and name in pair.coords else 0
     if number >= len(source):
-        raise InputError(f"--frame {path}: {len(source)} frames, but the field lies on frame {number}")
+        raise InputError(f"--frame {path}: {len(source)} frames, but the pair {part} with frame {number}")
     return next(source.iterate(number))
