@@ -34,6 +34,7 @@ from sixflow.restriction import ABSENT
 from sixflow.search import search
 from sixflow.settings import Settings
 from sixflow.validate import flag_points
+from sixflow.trajectory import Motion
 from sixflow.version import __version__
 
 
@@ -54,6 +55,16 @@ class PairResult:
     digest: str
     notes: tuple[str, ...]
     memory: int
+    moved_covariance: NDArray[Any] | None = None
+    measured_from: int | None = None
+
+    @property
+    def motion(self) -> Motion:
+        """The result as a step of a trajectory: half of its covariance is from the moved frame's noise."""
+        moved = self.covariance / 2 if self.moved_covariance is None else self.moved_covariance
+        return Motion(
+            self.six, self.covariance, moved.astype(self.six.dtype), self.flag, self.residual, self.noise, self.body
+        )
 
 
 @dataclasses.dataclass
@@ -308,7 +319,9 @@ class Session:
         flag = flag_points(passes.dense(maps), quality, left, passes.grid, judged, passes.settings)
         return maps, quality, flag
 
-    def field(self, result: PairResult, time: Sequence[float], unit: str) -> xr.Dataset:
+    def field(
+        self, result: PairResult, time: Sequence[float], unit: str, meaning: str = "time of the reference frame"
+    ) -> xr.Dataset:
         """Return the dataset of one pair."""
         settings = self.settings
         assert self.shape is not None
@@ -322,7 +335,7 @@ class Session:
             "memory_bytes": result.memory,
             "notes": "\n".join(result.notes),
         }
-        return build_field(
+        field = build_field(
             six=result.six[None],
             covariance=result.covariance[None],
             residual=result.residual[None],
@@ -335,6 +348,15 @@ class Session:
             time_unit=unit,
             frame_numbers=[result.numbers],
             attrs=attrs,
+        )
+        field["time"].attrs["long_name"] = meaning
+        if result.moved_covariance is None:
+            return field
+        part = field["covariance"].copy(data=result.moved_covariance[None])
+        part.attrs["long_name"] = "part of the covariance that is from the noise of the moved frame"
+        source = {"long_name": "number of the frame that the moved frame was compared with"}
+        return field.assign(moved_covariance=part).assign_coords(
+            measured_from=("time", np.array([result.measured_from], dtype=np.int64), source)
         )
 
 
