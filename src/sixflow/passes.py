@@ -83,6 +83,8 @@ class Quality:
         Zero-normalised residual: rms difference / rms contrast of the reference.
     noise : array, shape (rows, columns)
         Standard deviation of one frame's noise, from the mean absolute residual.
+    rho : array, shape (rows, columns)
+        What noise adds to the gradients' squares, over what the texture gives them.
     minimum_texture : float
         Texture below which the covariance is not to be trusted.
     """
@@ -92,6 +94,7 @@ class Quality:
     weight: NDArray[Any]
     residual: NDArray[Any]
     noise: NDArray[Any]
+    rho: NDArray[Any]
     minimum_texture: float = MINIMUM_TEXTURE
 
 
@@ -316,7 +319,7 @@ class Passes:
         seen = self._seen()
         transform = _six_from_unknowns(self.settings.sigma, sharpened)
         covariance = self._covariance(seen, transform)
-        return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise, self.minimum_texture)
+        return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise, seen.rho, self.minimum_texture)
 
     def _covariance(self, seen: Seen, transform: NDArray[np.float64]) -> NDArray[Any]:
         """Covariance of the six numbers, `transform` times the unknowns θ; shape (rows, columns, 6, 6)."""

@@ -78,6 +78,7 @@ class Found:
     covariance: NDArray[Any]
     residual: NDArray[Any]
     noise: NDArray[Any]
+    rho: NDArray[Any]
     flag: NDArray[np.uint8]
     body: NDArray[np.int32] | None
 
@@ -87,6 +88,7 @@ class Found:
         return cls(
             np.full((6, *shape), np.nan),
             np.full((*shape, 6, 6), np.nan),
+            np.full(shape, np.nan),
             np.full(shape, np.nan),
             np.full(shape, np.nan),
             np.full(shape, FLAGS["masked"], np.uint8),
@@ -104,6 +106,6 @@ class Found:
             better = np.where(failed == was_failed, one.residual < residual, was_failed)
         new = ((one.flag & FLAGS["masked"]) == 0) & (better | ((flag & FLAGS["masked"]) != 0))
         self.maps[(slice(None), *places)][:, new] = one.maps[:, new]
-        for name in ("covariance", "residual", "noise", "flag"):
+        for name in ("covariance", "residual", "noise", "rho", "flag"):
             getattr(self, name)[places][new] = getattr(one, name)[new]
         self.body[places][new] = number

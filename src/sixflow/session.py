@@ -34,7 +34,7 @@ from sixflow.restriction import ABSENT
 from sixflow.search import search
 from sixflow.settings import Settings
 from sixflow.validate import flag_points
-from sixflow.trajectory import Motion
+from sixflow.trajectory import Motion, one_frames_share
 from sixflow.version import __version__
 
 
@@ -55,13 +55,16 @@ class PairResult:
     digest: str
     notes: tuple[str, ...]
     memory: int
+    rho: NDArray[Any]
     moved_covariance: NDArray[Any] | None = None
     measured_from: int | None = None
 
     @property
     def motion(self) -> Motion:
-        """The result as a step of a trajectory: half of its covariance is from the moved frame's noise."""
-        moved = self.covariance / 2 if self.moved_covariance is None else self.moved_covariance
+        """The result as a step of a trajectory."""
+        moved = self.moved_covariance
+        if moved is None:
+            moved = self.covariance * one_frames_share(self.rho)[..., None, None]
         return Motion(
             self.six, self.covariance, moved.astype(self.six.dtype), self.flag, self.residual, self.noise, self.body
         )
@@ -199,7 +202,7 @@ class Session:
         notes = (*reference.notes, *moved.notes, *_lighting_notes(reference, moved, numbers, settings))
         return PairResult(
             **measured, flag=flag, body=body, numbers=numbers, digest=digest.hexdigest()[:16], notes=notes,
-            memory=memory,
+            memory=memory, rho=found.rho,
         )  # fmt: skip
 
     @property
@@ -256,7 +259,7 @@ class Session:
         else:
             maps, quality, flag = self._measured(region, other, asked, grid, known)
         flag[masked_points(maps, grid, asked.valid, self.settings.reference)] = FLAGS["masked"]
-        return Found(maps, quality.covariance, quality.residual, quality.noise, flag, None)
+        return Found(maps, quality.covariance, quality.residual, quality.noise, quality.rho, flag, None)
 
     def _frames_of(
         self, reference: Prepared, moved: Prepared, number: int | None

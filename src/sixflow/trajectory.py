@@ -9,20 +9,25 @@ around. Where a corner of the cell was not measured, the map of the nearest one 
 covariance of the extended map. A point that is lost stays lost: it gets no number again.
 
 *Covariance.* To first order δD_n = J₁ δD_r + J₂ δu. The two errors are not independent: both contain the noise of
-frame r, which ended one step and begins the next, with opposite sign. Half of a measurement's covariance C is from
-each of its frames. With X the part of Cov D_r that is not from frame r, and Y = J C Jᵀ/2 the part that is,
+frame r, which ended one step and begins the next, with opposite sign. An error of a step is to first order linear in
+the noise of its two frames, equally in both; a share ρ/(1 + ρ) of its variance is from the noise of one in the gradient
+times the noise of the other (ρ of `engine.solve`), and is of that step alone. So each frame has the part
 
-    Cov D_n = J₁ X J₁ᵀ + E Eᵀ + J₂ (C/2) J₂ᵀ,   E = J₁ √Y − J₂ √(C/2)
+    S = C / (2 (1 + ρ))
 
-(√ the Cholesky factor): what the two steps see of frame r's noise cancels but for the change of the windows, and the
-error of a long chain does not grow like a random walk, as that of independent steps would.
+of a step's covariance C to itself. With Y the part of Cov D_r that is from frame r,
+
+    Cov D_n = J₁ (Cov D_r − Y) J₁ᵀ + E Eᵀ + J₂ (C − S) J₂ᵀ,   E = J₁ √Y − J₂ √S,   Y' = J₂ S J₂ᵀ
+
+(√ the Cholesky factor): what the two steps see of frame r's noise cancels but for the change of the windows. The error
+of a long chain grows by ρ/(1 + ρ) of a step's variance with each step, not by all of it.
 
 | symbol | name |
 |---|---|
 | D_r, F_r | `base.six` |
 | u, C | `step.six`, `step.covariance` |
 | J₁, J₂ | `by_first`, `by_second` |
-| Y | `moved_covariance` |
+| S, Y | `moved_covariance` of the step, of the base |
 """
 
 from __future__ import annotations
@@ -82,6 +87,12 @@ class Motion:
         return (self.flag & FAILING) == 0
 
 
+def one_frames_share(rho: Array) -> Real:
+    """Share of a measurement's covariance that is linear in the noise of one of its frames: S/C."""
+    share: Real = 0.5 / (1 + np.maximum(np.nan_to_num(rho, nan=0.0, posinf=0.0, neginf=0.0), 0.0))
+    return share
+
+
 def joined(base: Motion, step: Motion, grid: Grid, shape: tuple[int, int], *, named: bool = True) -> Motion:
     """The motion `step` after `base`, both on the same grid of their own frame.
 
@@ -109,16 +120,20 @@ def joined(base: Motion, step: Motion, grid: Grid, shape: tuple[int, int], *, na
     flag[alive] |= np.where(inside, there.flag, FLAGS["unmatched"]).astype(np.uint8)
     flag[alive] |= np.where(found | ((flag[alive] & FAILING) != 0), 0, FLAGS["unmatched"]).astype(np.uint8)
     kept = tuple(places[found] for places in alive)
-    first, second, spread = first[found], there.six[found], there.covariance[found]
+    first, second = first[found], there.six[found]
+    spread, own_share = there.covariance[found], there.moved_covariance[found]
     still = first.copy()
     still[:, :2] = 0  # the step was taken at the point's new place already
     by_second, by_first = composition_jacobians(second, still)
     six[kept] = compose_six(second, still) + np.pad(first[:, :2], ((0, 0), (0, 4)))
     before, shared = base.covariance[kept].astype(np.float64), base.moved_covariance[kept].astype(np.float64)
-    change = by_first @ _root(shared) - by_second @ _root(spread / 2)
-    last = _spread(by_second, spread / 2)
-    covariance[kept] = _spread(by_first, before - shared) + change @ np.swapaxes(change, -1, -2) + last
-    moved[kept] = last
+    change = by_first @ _root(shared) - by_second @ _root(own_share)
+    covariance[kept] = (
+        _spread(by_first, before - shared)
+        + change @ np.swapaxes(change, -1, -2)
+        + _spread(by_second, spread - own_share)
+    )
+    moved[kept] = _spread(by_second, own_share)
     residual[kept], noise[kept] = there.residual[found], there.noise[found]
     dtype = base.six.dtype
     return Motion(
@@ -134,6 +149,7 @@ class _There:
     found: NDArray[np.bool_]
     six: Real
     covariance: Real
+    moved_covariance: Real
     residual: Real
     noise: Real
     flag: NDArray[np.uint8]
@@ -159,18 +175,22 @@ def _along(step: Motion, grid: Grid, x: Real, y: Real, own: Array | None, named:
     away = np.take_along_axis(offset, nearest[..., None], axis=0)[0]
     six = recentre(step.six[j, i].astype(np.float64), away)
     shift = np.swapaxes(recentre(np.eye(6), away[:, None, :]), -1, -2)
-    covariance = _spread(shift, step.covariance[j, i].astype(np.float64))
+    covariance, moved = (
+        _spread(shift, spread[j, i].astype(np.float64)) for spread in (step.covariance, step.moved_covariance)
+    )
     whole = known.all(axis=0) & (distance.max(axis=0) <= grid.step)
     if whole.any():
         six[whole] = _interpolated(step, grid, x[whole], y[whole])
         weight = (1 - np.abs(offset[:, whole]) / grid.step).prod(axis=-1)
-        corners = step.covariance[corner_y[:, whole], corner_x[:, whole]].astype(np.float64)
-        covariance[whole] = np.einsum("cn,cnij->nij", weight, corners) / weight.sum(axis=0)[:, None, None]
+        weight /= weight.sum(axis=0)
+        for spread, there in ((step.covariance, covariance), (step.moved_covariance, moved)):
+            corners = spread[corner_y[:, whole], corner_x[:, whole]].astype(np.float64)
+            there[whole] = np.einsum("cn,cnij->nij", weight, corners)
     reason = np.bitwise_or.reduce(step.flag[corner_y, corner_x], axis=0)
     found = (far <= grid.step) & np.isfinite(six).all(axis=-1)
     border = (step.flag[j, i] & FLAGS["border"]).astype(np.uint8)
     return _There(
-        found, six, covariance, step.residual[j, i].astype(np.float64), step.noise[j, i].astype(np.float64),
+        found, six, covariance, moved, step.residual[j, i].astype(np.float64), step.noise[j, i].astype(np.float64),
         np.where(found, border, reason & ~np.uint8(FLAGS["masked"])).astype(np.uint8),
     )  # fmt: skip
 
