@@ -47,7 +47,8 @@ def run(
     for start in range(0, shape[0], strip):
         warp_strip(
             reference, coefficients, *masks, maps, twist_of(maps, grid.step), grid.origin_and_step, plane,
-            lighting, degree, total, noise_variance(degree), start, min(start + strip, shape[0]), *out.values(),
+            lighting, degree, total, noise_variance(degree), 1.0, np.empty((0, 0), dtype),
+            start, min(start + strip, shape[0]), *out.values(),
         )  # fmt: skip
     return out
 
@@ -169,7 +170,7 @@ def test_optional_outputs():
     out = np.empty((3, 20, 25))
     warp_strip(
         reference, spline_coefficients(moved, 3), NO_MASK, NO_MASK, maps, twist_of(maps, 8), grid.origin_and_step,
-        plane, np.empty((0, 0, 0, 0)), 3, True, noise_variance(3), 0, 20, *out, none, none,
+        plane, np.empty((0, 0, 0, 0)), 3, True, noise_variance(3), 1.0, none, 0, 20, *out, none, none,
     )  # fmt: skip
     for values, name in zip(out, ("gradient_x", "gradient_y", "right"), strict=True):
         np.testing.assert_array_equal(values, full[name])

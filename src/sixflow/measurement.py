@@ -11,23 +11,26 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Literal, Unpack, get_args
 
+import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import joined_attrs, said_of_pairs
-from sixflow.session import Prepared, Session
+from sixflow.masks import MaskLike, Masks
+from sixflow.sequence import Update, check_update, follow
+from sixflow.session import PairResult, Prepared, Session
 from sixflow.settings import Settings, SettingsOptions
 
-Pairs = Literal["consecutive", "first"]
+Pairs = Literal["consecutive", "first", "incremental"]
 
 
 def measure(
     frame0: ArrayLike,
     frame1: ArrayLike,
     *,
-    mask: ArrayLike | None = None,
+    mask: MaskLike | None = None,
     settings: Settings | None = None,
     **options: Unpack[SettingsOptions],
 ) -> xr.Dataset:
@@ -38,8 +41,10 @@ def measure(
     frame0, frame1 : array_like, shape (height, width)
         Grey values: integers or floats of any range. frame0 is the reference: frame1(x + u) =
         frame0(x). Pixels that are NaN or infinite are masked.
-    mask : array_like of bool, shape (height, width), optional
-        Region of interest of frame 0: True where to measure.
+    mask : array_like of bool or int, shape (height, width) or (2, height, width), optional
+        Region of interest of frame 0: True where to measure. Parts that a gap separates are measured apart. Whole
+        numbers name the bodies: 0 is not measured, those of different numbers are measured apart and may touch.
+        With one mask for each frame a pixel counts only where both allow it, at x and at x + u.
     settings : Settings, optional
         How to measure; the defaults if not given.
     **options
@@ -77,8 +82,9 @@ def measure(
     >>> float(abs(field.divergence - 0.04).max()) < 0.02
     True
     """
-    session = Session((settings or Settings()).replace(**options), mask)
-    frames = [session.prepare(frame, f"frame{k}") for k, frame in enumerate((frame0, frame1))]
+    masks = _masks_of_a_pair(mask)
+    session = Session((settings or Settings()).replace(**options), masks_move=masks.moving)
+    frames = [session.prepare(frame, f"frame{k}", masks.at(k)) for k, frame in enumerate((frame0, frame1))]
     return session.field(session.measure_pair(frames[0], frames[1], (0, 1)), [0.0], "frame")
 
 
@@ -86,7 +92,8 @@ def measure_sequence(
     frames: Iterable[ArrayLike],
     *,
     pairs: Pairs = "consecutive",
-    mask: ArrayLike | None = None,
+    update: Update = None,
+    mask: MaskLike | None = None,
     times: Sequence[float] | None = None,
     settings: Settings | None = None,
     progress: Callable[[int], None] | None = None,
@@ -98,10 +105,16 @@ def measure_sequence(
     ----------
     frames : iterable of array_like, shape (height, width), or array, shape (n, height, width)
         Taken one at a time: a generator, a `FrameSource` of `open_frames`, a list or an array.
-    pairs : {"consecutive", "first"}
-        Each frame against the next, or the first frame against each later one.
-    mask : array_like of bool, optional
-        Region of interest of the reference frames.
+    pairs : {"consecutive", "first", "incremental"}
+        Each frame against the next; the motion from the first frame to each later one, measured directly, each
+        starting from the result before; or the same, joined from the motions between successive frames.
+    update : int, "lost" or None
+        With pairs="first": renew the frame that is compared with, every so many frames, or when correlation is lost
+        (less than `sequence.LOST` of the points that it had are valid), and join what is measured from it to the
+        motion that led there. The covariance is accumulated; points that are lost stay lost.
+    mask : array_like of bool or int, iterable or callable, optional
+        As for `measure`: one, of the reference frames (with pairs other than "consecutive", of the first frame), or
+        one for each frame: an array (n, height, width), an iterable, or a function of the frame's number.
     times : sequence of float, optional
         Time of each frame, s. If not given, those of a `FrameSource`, or multiples of `frame_interval`,
         or frame numbers.
@@ -113,13 +126,15 @@ def measure_sequence(
     Returns
     -------
     xarray.Dataset
-        As from `measure`, one time per pair: the time of its reference frame (of its moved frame if
-        `pairs="first"`).
+        As from `measure`, one time per pair: the time at which its points lie (of its moved frame if pairs is not
+        "consecutive"). Where motions are joined, also `moved_covariance`, the part of the covariance that is from
+        the moved frame's noise, and `measured_from`, the frame that the moved one was compared with.
 
     Raises
     ------
     InputError
-        As `measure`, and if there are fewer than two frames, or they differ in shape.
+        As `measure`, and if there are fewer than two frames, or they differ in shape, or `update` does not go with
+        `pairs` and `reference`.
 
     Examples
     --------
@@ -129,7 +144,9 @@ def measure_sequence(
     array([0.5, 1. ], dtype=float32)
     """
     fields = []
-    source = iterate_sequence(frames, pairs=pairs, mask=mask, times=times, settings=settings, **options)
+    source = iterate_sequence(
+        frames, pairs=pairs, update=update, mask=mask, times=times, settings=settings, **options
+    )
     for done, field in enumerate(source, start=1):
         fields.append(field)
         if progress is not None:
@@ -141,10 +158,12 @@ def iterate_sequence(
     frames: Iterable[ArrayLike],
     *,
     pairs: Pairs = "consecutive",
-    mask: ArrayLike | None = None,
+    update: Update = None,
+    mask: MaskLike | None = None,
     times: Sequence[float] | None = None,
     settings: Settings | None = None,
     skip: int = 0,
+    done: xr.Dataset | None = None,
     **options: Unpack[SettingsOptions],
 ) -> Iterator[xr.Dataset]:
     """Yield the field of each pair of a recording as soon as it is measured; arguments as for
@@ -154,27 +173,58 @@ def iterate_sequence(
     ----------
     skip : int
         Leave out so many pairs, for going on with an interrupted recording.
+    done : Dataset, optional
+        The pairs that are left out. If pairs is not "consecutive", every result depends on those before: with `done`
+        the rest is measured from them, without it they are measured again; the numbers are the same.
+
+    Yields
+    ------
+    xarray.Dataset
+        With one time.
     """
     if pairs not in get_args(Pairs):
-        raise InputError(f"pairs={pairs!r}: must be one of 'consecutive', 'first'")
-    session = Session((settings or Settings()).replace(**options), mask)
+        raise InputError(f"pairs={pairs!r}: must be one of {', '.join(map(repr, get_args(Pairs)))}")
+    masks, chosen = Masks(mask), (settings or Settings()).replace(**options)
+    renewal = check_update(update, pairs, chosen.reference)
+    session = Session(chosen, masks_move=masks.moving)
     stamps = getattr(frames, "times", None) if times is None else times
-    reference: Prepared | None = None
+    if pairs == "consecutive":
+        results = _consecutive(session, frames, masks, skip)
+    else:
+        results = follow(session, frames, masks, renewal, skip, done)
     count = 0
-    # a frame that is in no wanted pair is read but not prepared
-    for number, raw in enumerate(frames):
+    for number, result in enumerate(results):
         count += 1
-        if reference is None or number > skip or (pairs == "consecutive" and number == skip):
-            frame = session.prepare(raw, f"frame {number}")
-            if reference is not None and number > skip:
-                first = 0 if pairs == "first" else number - 1
-                result = session.measure_pair(reference, frame, (first, number))
-                time, unit = _time_of(number if pairs == "first" else first, stamps, session.settings)
-                yield session.field(result, [time], unit)
-            if reference is None or pairs == "consecutive":
-                reference = frame
+        if result is not None:
+            time, unit, meaning = _time_of(number, pairs, stamps, chosen)
+            yield session.field(result, [time], unit, meaning)
     if count < 2:
         raise InputError(f"frames: {count} given; a motion needs at least two")
+
+
+def _consecutive(
+    session: Session, frames: Iterable[ArrayLike], masks: Masks, skip: int
+) -> Iterator[PairResult | None]:
+    """Yield, for each frame, the motion from the one before; None for frame 0 and what is left out."""
+    before: Prepared | None = None
+    # a frame that is in no wanted pair is read but not prepared; the first one gives the grey constant
+    for number, raw in enumerate(frames):
+        result = None
+        bodies = masks.at(number)
+        if before is None or number >= skip:
+            frame = session.prepare(raw, f"frame {number}", bodies)
+            if before is not None and number > skip:
+                result = session.measure_pair(before, frame, (number - 1, number))
+            before = frame
+        yield result
+
+
+def _masks_of_a_pair(mask: MaskLike | None) -> Masks:
+    if isinstance(mask, np.ndarray) and mask.ndim == 3 and len(mask) != 2:
+        raise InputError(
+            f"mask has shape {mask.shape}: must be (height, width), or (2, height, width) with one for each frame"
+        )
+    return Masks(mask)
 
 
 def join_fields(fields: Sequence[xr.Dataset]) -> xr.Dataset:
@@ -199,7 +249,22 @@ def join_fields(fields: Sequence[xr.Dataset]) -> xr.Dataset:
     return joined.assign_attrs(joined_attrs([said_of_pairs(field.attrs) for field in fields]))
 
 
-def _time_of(number: int, stamps: Sequence[float] | None, settings: Settings) -> tuple[float, str]:
+def _time_of(
+    number: int, pairs: Pairs, stamps: Sequence[float] | None, settings: Settings
+) -> tuple[float, str, str]:
+    """Time of a pair whose moved frame has a number, its unit, and what it is the time of."""
+    if pairs != "consecutive":
+        return *_stamp(number, stamps, settings), "time of the moved frame"
+    before, unit = _stamp(number - 1, stamps, settings)
+    if settings.reference == "first":
+        return before, unit, "time of the reference frame"
+    after, _ = _stamp(number, stamps, settings)
+    if settings.reference == "second":
+        return after, unit, "time of the second frame, in which the points lie"
+    return (before + after) / 2, unit, "time of the middle between the frames, in which the points lie"
+
+
+def _stamp(number: int, stamps: Sequence[float] | None, settings: Settings) -> tuple[float, str]:
     if stamps is not None:
         if number >= len(stamps):
             raise InputError(

@@ -67,6 +67,13 @@ class Frame:
         """Return the same image with another validity mask."""
         return self if valid is self.valid else Frame(self.image, valid)
 
+    def part(self, place: tuple[slice, slice]) -> Frame:
+        """Return rows and columns of the frame; the frame itself where these are all."""
+        if self.image[place].shape == self.image.shape:
+            return self
+        valid = np.ascontiguousarray(self.valid[place]) if self.valid.size else self.valid
+        return Frame(np.ascontiguousarray(self.image[place]), valid)
+
     def level(self, halvings: int) -> Frame:
         """Return the frame halved so many times; pixel (j, i) of a halved frame lies on pixel (2j, 2i)."""
         if halvings == 0:

@@ -33,7 +33,7 @@ from sixflow.engine.solve import (
 )
 from sixflow.engine.spline import DEGREE, gradient_noise, noise_variance
 from sixflow.engine.threads import over_strips
-from sixflow.engine.warp import DERIVATIVE, warp_strip
+from sixflow.engine.warp import DERIVATIVE, bring_strip, warp_strip
 from sixflow.engine.window import moment_weights, sharpening_noise
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
@@ -83,6 +83,8 @@ class Quality:
         Zero-normalised residual: rms difference / rms contrast of the reference.
     noise : array, shape (rows, columns)
         Standard deviation of one frame's noise, from the mean absolute residual.
+    rho : array, shape (rows, columns)
+        What noise adds to the gradients' squares, over what the texture gives them.
     minimum_texture : float
         Texture below which the covariance is not to be trusted.
     """
@@ -92,6 +94,7 @@ class Quality:
     weight: NDArray[Any]
     residual: NDArray[Any]
     noise: NDArray[Any]
+    rho: NDArray[Any]
     minimum_texture: float = MINIMUM_TEXTURE
 
 
@@ -118,6 +121,8 @@ class Passes:
         self.degree = DEGREE[settings.interpolation]
         self.coefficients = moved.coefficients(self.degree)
         self.moved_valid = moved.interpolable()
+        self.central = settings.reference == "middle"
+        self.reference_valid = reference.interpolable() if self.central else reference.valid
         self.weights = moment_weights(settings.sigma).astype(self.dtype)
         self.by_window = settings.lighting == "gain+offset"
         self.lighting = np.empty((0, 0, 0, 0), self.dtype)
@@ -198,19 +203,49 @@ class Passes:
         """
         shape, dtype, grid = self.reference.image.shape, self.dtype, self.grid
         none = np.empty((0, 0), dtype)
+        image, valid, still_variance = self.reference.image, self.reference_valid, none
+        if self.central:
+            image, valid, still_variance = self._bring_reference(-reduced / 2, -plane / 2)
+            reduced, plane = reduced / 2, plane / 2
         residual = self.workspace.array("residual", shape, dtype)
         warped = self.workspace.array("warped", shape, dtype) if self.by_window else none
         local, twist = reduced.astype(dtype), twist_of(reduced, grid.step).astype(dtype)
         images, plane, variance = self._images(), plane.astype(dtype), noise_variance(self.degree)
         over_strips(
             lambda start, stop: warp_strip(
-                self.reference.image, self.coefficients, self.reference.valid, self.moved_valid,
-                local, twist, grid.origin_and_step, plane, self.lighting, self.degree, total, variance,
+                image, self.coefficients, valid, self.moved_valid, local, twist, grid.origin_and_step, plane,
+                self.lighting, self.degree, total, variance, 2.0 if self.central else 1.0, still_variance,
                 start, stop, *images, residual, warped,
             ),
             shape[0],
             STRIP,
         )  # fmt: skip
+
+    def _bring_reference(
+        self, reduced: NDArray[Any], plane: NDArray[Any]
+    ) -> tuple[NDArray[Any], NDArray[np.uint8], NDArray[Any]]:
+        """Bring frame 0 to the middle: its values there, where it has any, and the variance of their noise."""
+        shape, dtype, grid, array = self.reference.image.shape, self.dtype, self.grid, self.workspace.array
+        still, valid = array("still", shape, dtype), array("still_valid", shape, np.uint8)
+        variance = array("still_variance", shape, dtype)
+        local, twist = reduced.astype(dtype), twist_of(reduced, grid.step).astype(dtype)
+        coefficients, asked = self.reference.coefficients(self.degree), self.reference_valid
+        base, noise = plane.astype(dtype), noise_variance(self.degree)
+        over_strips(
+            lambda start, stop: bring_strip(
+                coefficients, asked, local, twist, grid.origin_and_step, base, self.degree, noise,
+                start, stop, still, valid, variance,
+            ),
+            shape[0],
+            STRIP,
+        )  # fmt: skip
+        return still, valid, variance
+
+    def still(self) -> NDArray[Any]:
+        """Frame 0 as the last pass compared it: at its own pixels, or brought to the middle."""
+        if self.central:
+            return self.workspace.array("still", self.reference.image.shape, self.dtype)
+        return self.reference.image
 
     def _statistics(self, image: NDArray[Any], name: str) -> NDArray[np.float64]:
         """Window sums of 1, |r|, r², I, I² of an image over the pixels that have a partner; shape (5,
@@ -233,7 +268,7 @@ class Passes:
         biased by noise.
         """
         warped = self.workspace.array("warped", self.reference.image.shape, self.dtype)
-        weight, _, _, mean0, power0 = self._statistics(self.reference.image, "statistics")
+        weight, _, _, mean0, power0 = self._statistics(self.still(), "statistics")
         _, _, _, mean1, power1 = self._statistics(warped, "statistics_of_moved")
         with np.errstate(invalid="ignore", divide="ignore"):
             mean0, mean1 = mean0 / weight, mean1 / weight
@@ -284,7 +319,7 @@ class Passes:
         seen = self._seen()
         transform = _six_from_unknowns(self.settings.sigma, sharpened)
         covariance = self._covariance(seen, transform)
-        return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise, self.minimum_texture)
+        return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise, seen.rho, self.minimum_texture)
 
     def _covariance(self, seen: Seen, transform: NDArray[np.float64]) -> NDArray[Any]:
         """Covariance of the six numbers, `transform` times the unknowns θ; shape (rows, columns, 6, 6)."""
@@ -336,7 +371,7 @@ class Passes:
         return self._last_seen
 
     def _look(self) -> Seen:
-        weight, absolute, square, mean, power = self._statistics(self.reference.image, "statistics")
+        weight, absolute, square, mean, power = self._statistics(self.still(), "statistics")
         explained = self._explained_power()
         with np.errstate(invalid="ignore", divide="ignore"):
             left = np.clip(1 - explained / square, 0.01, 1)
@@ -362,7 +397,8 @@ class Passes:
     ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """What noise adds to Σ w g_x², and texture and rho of `solve.texture_strip`; each (rows, columns)."""
         moments, texture, rho = self._moments(), np.empty(self.grid.shape), np.empty(self.grid.shape)
-        noise_gradient = gradient_noise(self.degree, DERIVATIVE) * noise**2 * weight
+        interpolated = 2 if self.central else 1
+        noise_gradient = gradient_noise(self.degree, DERIVATIVE, interpolated) * noise**2 * weight
         over_strips(
             lambda start, stop: texture_strip(moments, noise_gradient, start, stop, texture, rho),
             self.grid.rows,

@@ -16,22 +16,29 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.convention import SIX_FROM_GRADIENT
+from sixflow.convention.reference import SHARE
 from sixflow.engine.window import attenuation_period
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.field.flags import FLAGS
 from sixflow.grid import Grid
-from sixflow.lighting import Change
 from sixflow.method import passes_of
+from sixflow.masks import Bodies
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
 from sixflow.passes import Passes, Quality, Workspace
+from sixflow.pieces import Found, Start, with_margin
+from sixflow.placing import masked_points, placed
 from sixflow.refine import refine
 from sixflow.rescue import FAILED, rescue
 from sixflow.restriction import ABSENT
 from sixflow.search import search
 from sixflow.settings import Settings
 from sixflow.validate import flag_points
+from sixflow.trajectory import Motion, one_frames_share
 from sixflow.version import __version__
+
+
+LOST_FROM_START = 0.05  # share of points that may fail more than in the start, before it is searched anew
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,10 +50,24 @@ class PairResult:
     residual: NDArray[Any]
     noise: NDArray[Any]
     flag: NDArray[np.uint8]
+    body: NDArray[np.int32] | None
     numbers: tuple[int, int]
     digest: str
     notes: tuple[str, ...]
     memory: int
+    rho: NDArray[Any]
+    moved_covariance: NDArray[Any] | None = None
+    measured_from: int | None = None
+
+    @property
+    def motion(self) -> Motion:
+        """The result as a step of a trajectory."""
+        moved = self.moved_covariance
+        if moved is None:
+            moved = self.covariance * one_frames_share(self.rho)[..., None, None]
+        return Motion(
+            self.six, self.covariance, moved.astype(self.six.dtype), self.flag, self.residual, self.noise, self.body
+        )
 
 
 @dataclasses.dataclass
@@ -58,21 +79,33 @@ class Prepared:
     mean: float
     spread: float
     notes: tuple[str, ...]
+    bodies: Bodies | None = None
+
+    @property
+    def mask_digest(self) -> bytes:
+        """Digest of the mask; empty without one."""
+        return b"" if self.bodies is None else self.bodies.digest
 
 
 class Session:
-    """Settings, region of interest, grid and working memory that all pairs of a recording share."""
+    """Settings, grid and working memory that all pairs of a recording share.
 
-    def __init__(self, settings: Settings, mask: ArrayLike | None) -> None:
-        self.settings = settings
+    Parameters
+    ----------
+    settings : Settings
+    masks_move : bool
+        Whether the mask of a moved frame counts: there is one for each frame.
+    """
+
+    def __init__(self, settings: Settings, *, masks_move: bool = False) -> None:
+        self.settings, self.masks_move = settings, masks_move
         self.dtype = np.float64 if settings.float64 else np.float32
-        self.mask = None if mask is None else _check_mask(mask)
         self.workspace = Workspace()
         self.shape: tuple[int, int] | None = None
         self.constant, self.scale = 0.0, 1.0
 
-    def prepare(self, raw: ArrayLike, name: str) -> Prepared:
-        """Check and normalise one frame."""
+    def prepare(self, raw: ArrayLike, name: str, bodies: Bodies | None = None) -> Prepared:
+        """Check and normalise one frame; `bodies` of its mask, if there is one."""
         array = check_frame(raw, name)
         if self.shape is None:
             self._begin(array, name)
@@ -80,6 +113,10 @@ class Session:
             raise InputError(
                 f"{name} has shape {array.shape}, the first frame {self.shape}: "
                 "all frames must have one shape; crop or resample them"
+            )
+        if bodies is not None and bodies.labels.shape != self.shape:
+            raise InputError(
+                f"mask has shape {bodies.labels.shape}, the frames {self.shape}: the mask must have the frames' shape"
             )
         image, valid, missing = to_image(array, self.constant, self.dtype, self.scale)
         if missing == array.size:
@@ -92,12 +129,12 @@ class Session:
                 f"{name} is constant ({array.flat[0]}): there is no texture to follow; check the frame or its exposure"
             )
         notes = (f"{name}: {missing} pixels without a value (NaN or infinite) are masked",) if missing else ()
-        sample = _sample(image, valid if self.mask is None else both_valid(self.mask, valid))
+        sample = kept[::4, ::4] if kept.ndim == 2 else kept
         digest = hashlib.sha256(np.ascontiguousarray(array).data).digest()
         mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
         if self.settings.lighting == "local":
             image = flatten_lighting(image, valid, self.settings.sigma)
-        return Prepared(Frame(image, valid), digest, mean, spread, notes)
+        return Prepared(Frame(image, valid), digest, mean, spread, notes, bodies)
 
     def _begin(self, first: NDArray[Any], name: str) -> None:
         """Take shape, grid and the grey constant from the first frame."""
@@ -106,10 +143,6 @@ class Session:
             raise InputError(
                 f"{name} has shape {first.shape}: smaller than window={self.settings.window:g}; "
                 "take a smaller window or larger frames"
-            )
-        if self.mask is not None and self.mask.shape != first.shape:
-            raise InputError(
-                f"mask has shape {self.mask.shape}, the frames {first.shape}: the mask must have the frames' shape"
             )
         self.shape = (height, width)
         self.grid = Grid.over(self.shape, self.settings.step)
@@ -121,63 +154,177 @@ class Session:
             if spread > 0 and not 1e-3 < spread < 1e5:  # squares of squares must fit single precision
                 self.scale = 2.0 ** -round(math.log2(spread) - 5)
 
-    def measure_pair(self, reference: Prepared, moved: Prepared, numbers: tuple[int, int]) -> PairResult:
-        """Measure one pair: search, refine, judge."""
-        change, grid = Change.between(reference, moved), self.grid
-        settings = change.settings(self.settings)
-        region = reference.frame
-        if self.mask is not None:
-            region = reference.frame.within(both_valid(self.mask, reference.frame.valid))
-            if not region.valid.any():
-                raise InputError(
-                    "mask is True only where frame 0 has no value (NaN or infinite): nothing is left to measure"
-                )
-        passes = passes_of(settings)(region, moved.frame, grid, settings, self.workspace)
-        maps, quality, flag = self._refined(
-            passes, search(region, moved.frame, grid, settings, self.workspace), region
-        )
-        if settings.search == "auto" and _share_failed(flag) > FAILED:
-            start = rescue(region, moved.frame, grid, settings)
-            if start is not None:
-                again = self._refined(passes, start, region)
-                if _share_failed(again[2]) < _share_failed(flag):
-                    maps, quality, flag = again
+    def measure_pair(
+        self, reference: Prepared, moved: Prepared, numbers: tuple[int, int], start: Start | None = None
+    ) -> PairResult:
+        """Measure one pair: every body apart, and each by search, refinement and judgement.
+
+        Parameters
+        ----------
+        reference, moved : Prepared
+        numbers : (int, int)
+            Of the two frames.
+        start : Start, optional
+            What is known of the motion. The search is left out where refining it succeeds.
+        """
+        bodies = reference.bodies
+        if bodies is None or len(bodies.boxes) < 2:
+            found = self._piece(reference, moved, None, self.everywhere, start)
+        else:
+            found = self._apart(reference, moved, start)
+        flag, settings = found.flag, self.settings
         failed = (flag & FAILING).astype(bool)
-        six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, maps, axes=1), 0, -1)
+        six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, found.maps, axes=1), 0, -1)
         six[..., ABSENT.get(settings.group, ())] *= 0.0  # by assumption, not by rounding; NaN stays NaN
         measured = {
             "six": six,
-            "covariance": quality.covariance,
-            "residual": quality.residual,
-            "noise": quality.noise / self.scale,
+            "covariance": found.covariance,
+            "residual": found.residual,
+            "noise": found.noise / self.scale,
         }
         for name, values in measured.items():
             # noise is in grey levels, which may be of any size
             measured[name] = values if name == "noise" else values.astype(self.dtype, copy=False)
             measured[name][failed] = np.nan
-        digest = hashlib.sha256(
-            reference.digest + moved.digest + (self.mask.tobytes() if self.mask is not None else b"")
-        )
+        digest = hashlib.sha256(reference.digest + moved.digest + reference.mask_digest)
+        if self.masks_move:
+            digest.update(moved.mask_digest)
         memory = (
             self.workspace.nbytes
             + reference.frame.nbytes
             + moved.frame.nbytes
             + sum(m.nbytes for m in measured.values())
         )
-        notes = (*reference.notes, *moved.notes, *change.notes(self.settings, numbers))
+        body = found.body
+        if self.masks_move and body is None:
+            number = 1 if bodies is None else next(iter(bodies.boxes))
+            body = np.where(flag & FLAGS["masked"], 0, number).astype(np.int32)
+        notes = (*reference.notes, *moved.notes, *_lighting_notes(reference, moved, numbers, settings))
         return PairResult(
-            **measured, flag=flag, numbers=numbers, digest=digest.hexdigest()[:16], notes=notes, memory=memory
-        )
+            **measured, flag=flag, body=body, numbers=numbers, digest=digest.hexdigest()[:16], notes=notes,
+            memory=memory, rho=found.rho,
+        )  # fmt: skip
+
+    @property
+    def everywhere(self) -> tuple[slice, slice]:
+        """All rows and columns of the frames."""
+        assert self.shape is not None
+        return slice(0, self.shape[0]), slice(0, self.shape[1])
+
+    def _apart(self, reference: Prepared, moved: Prepared, start: Start | None) -> Found:
+        """Measure every body by itself, in a part of the frames that leaves room for its motion."""
+        assert reference.bodies is not None
+        assert self.shape is not None
+        whole = Found.nothing(self.grid.shape)
+        for number, box in reference.bodies.boxes.items():
+            near = with_margin(box, self.shape, self.settings.window)
+            if self._points_of(reference.bodies, number, near):
+                found = self._piece(reference, moved, number, near, start)
+                if near != self.everywhere and _share_failed(found.flag) > FAILED:
+                    again = self._piece(reference, moved, number, self.everywhere, start)
+                    if _share_failed(again.flag) < _share_failed(found.flag):
+                        found, near = again, self.everywhere
+                whole.take(found, number, self._places(near))
+        return whole
+
+    def _places(self, part: tuple[slice, slice]) -> tuple[slice, slice]:
+        within = self.grid.within(*part)
+        assert within is not None
+        return within[1]
+
+    def _points_of(self, bodies: Bodies, number: int, near: tuple[slice, slice]) -> bool:
+        """Whether any grid point may lie on a body."""
+        if self.settings.reference == "first":
+            return bool((bodies.labels[np.ix_(self.grid.y, self.grid.x)] == number).any())
+        return self.grid.within(*near) is not None
+
+    def _piece(
+        self,
+        reference: Prepared,
+        moved: Prepared,
+        number: int | None,
+        part: tuple[slice, slice],
+        start: Start | None,
+    ) -> Found:
+        """Measure one body (None: all that the mask leaves) in a part of the frames."""
+        within = self.grid.within(*part)
+        assert within is not None
+        grid, places = within
+        region, asked, other = (frame.part(part) for frame in self._frames_of(reference, moved, number))
+        known = None if start is None else start.of(number, places, grid)
+        if self.settings.reference == "second":  # frame 1 is the one that stays: frame 0 is found from it, backwards
+            known = None if known is None else known.backwards()
+            maps, quality, flag = self._measured(other, region, other, grid, known)
+            maps = -maps
+        else:
+            maps, quality, flag = self._measured(region, other, asked, grid, known)
+        flag[masked_points(maps, grid, asked.valid, self.settings.reference)] = FLAGS["masked"]
+        return Found(maps, quality.covariance, quality.residual, quality.noise, quality.rho, flag, None)
+
+    def _frames_of(
+        self, reference: Prepared, moved: Prepared, number: int | None
+    ) -> tuple[Frame, Frame, Frame]:
+        """Frame 0 where it counts for a body, frame 0 where that is asked for, and frame 1 where it may be."""
+        region = asked = reference.frame
+        other = moved.frame
+        bodies = reference.bodies
+        if bodies is not None:
+            own = bodies.inside if number is None else (bodies.labels == number).astype(np.uint8)
+            asked = region.within(both_valid(own, region.valid))
+            region = asked
+            if bodies.clear is not None:
+                region = region.within(both_valid(asked.valid, bodies.clear))
+            if number is None and not region.valid.any():
+                raise InputError(
+                    "mask is True only where frame 0 has no value (NaN or infinite): nothing is left to measure"
+                )
+        if self.masks_move and moved.bodies is not None:
+            named = bodies is not None and bodies.named
+            own = moved.bodies.inside if number is None else moved.bodies.partner(number, named)
+            other = other.within(both_valid(own, other.valid))
+            if number is None and not other.valid.any():
+                raise InputError(
+                    "mask of the second frame is True only where that has no value (NaN or infinite): "
+                    "nothing is left to measure"
+                )
+        return region, asked, other
+
+    def _measured(
+        self, region: Frame, moved: Frame, judged: Frame, grid: Grid, start: Start | None
+    ) -> tuple[NDArray[Any], Quality, NDArray[np.uint8]]:
+        """Search, refine and judge: maps from `region` to `moved`, quality and flags."""
+        settings = self.settings
+        plain = settings.replace(reference="first")
+        share = SHARE[settings.reference] if settings.reference == "middle" else 0.0
+        passes = passes_of(settings)(region, moved, grid, settings if share else plain, self.workspace)
+        begun = None
+        if start is not None:
+            begun = self._refined(passes, start.maps, judged)
+            if _share_failed(begun[2]) <= start.failed + LOST_FROM_START:
+                return begun
+        maps = search(region, moved, grid, plain, self.workspace)
+        maps, quality, flag = self._refined(passes, placed(maps, grid, share) if share else maps, judged)
+        if settings.search == "auto" and _share_failed(flag) > FAILED:
+            rescued = rescue(region, moved, grid, plain)
+            if rescued is not None:
+                again = self._refined(passes, placed(rescued, grid, share) if share else rescued, judged)
+                if _share_failed(again[2]) < _share_failed(flag):
+                    maps, quality, flag = again
+        if begun is not None and _share_failed(begun[2]) <= _share_failed(flag):
+            return begun
+        return maps, quality, flag
 
     def _refined(
-        self, passes: Passes, start: NDArray[Any], region: Frame
+        self, passes: Passes, start: NDArray[Any], judged: Frame
     ) -> tuple[NDArray[Any], Quality, NDArray[np.uint8]]:
         """Refine a start and judge it: maps, quality and flags."""
         maps, quality, left = refine(passes, start)
-        flag = flag_points(passes.dense(maps), quality, left, self.grid, region, self.settings)
+        flag = flag_points(passes.dense(maps), quality, left, passes.grid, judged, passes.settings)
         return maps, quality, flag
 
-    def field(self, result: PairResult, time: Sequence[float], unit: str) -> xr.Dataset:
+    def field(
+        self, result: PairResult, time: Sequence[float], unit: str, meaning: str = "time of the reference frame"
+    ) -> xr.Dataset:
         """Return the dataset of one pair."""
         settings = self.settings
         assert self.shape is not None
@@ -191,12 +338,13 @@ class Session:
             "memory_bytes": result.memory,
             "notes": "\n".join(result.notes),
         }
-        return build_field(
+        field = build_field(
             six=result.six[None],
             covariance=result.covariance[None],
             residual=result.residual[None],
             noise=result.noise[None],
             flag=result.flag[None],
+            body=None if result.body is None else result.body[None],
             x=self.grid.x,
             y=self.grid.y,
             time=np.asarray(time, dtype=np.float64),
@@ -204,15 +352,15 @@ class Session:
             frame_numbers=[result.numbers],
             attrs=attrs,
         )
-
-
-def _sample(image: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
-    """Every fourth pixel of every fourth row, of those that count; one zero if none does."""
-    if not valid.size:
-        return image[::4, ::4]
-    counted = valid.astype(bool)
-    some = image[::4, ::4][counted[::4, ::4]]
-    return some if some.size else image[counted] if counted.any() else np.zeros(1, image.dtype)
+        field["time"].attrs["long_name"] = meaning
+        if result.moved_covariance is None:
+            return field
+        part = field["covariance"].copy(data=result.moved_covariance[None])
+        part.attrs["long_name"] = "part of the covariance that is from the noise of the moved frame"
+        source = {"long_name": "number of the frame that the moved frame was compared with"}
+        return field.assign(moved_covariance=part).assign_coords(
+            measured_from=("time", np.array([result.measured_from], dtype=np.int64), source)
+        )
 
 
 def _share_failed(flag: NDArray[np.uint8]) -> float:
@@ -221,15 +369,17 @@ def _share_failed(flag: NDArray[np.uint8]) -> float:
     return float(((flag & FAILING) != 0)[asked].mean()) if asked.any() else 0.0
 
 
-def _check_mask(mask: ArrayLike) -> NDArray[np.uint8]:
-    array = np.asarray(mask)
-    if array.dtype.kind not in "biu" or array.ndim != 2:
-        raise InputError(
-            f"mask has dtype {array.dtype} and shape {array.shape}: "
-            "must be a (height, width) array of bool, True where to measure"
-        )
-    if not array.any():
-        raise InputError(
-            "mask is False everywhere: nothing is left to measure; True marks the region of interest"
-        )
-    return (array != 0).astype(np.uint8)
+def _lighting_notes(
+    reference: Prepared, moved: Prepared, numbers: tuple[int, int], settings: Settings
+) -> tuple[str, ...]:
+    """Say so when the light changed between the frames and the settings do not allow for it."""
+    if settings.lighting != "none" or settings.method == "eigenfilter" or reference.spread == 0:
+        return ()
+    gain, shift = moved.spread / reference.spread, (moved.mean - reference.mean) / reference.spread
+    if abs(gain - 1) < 0.1 and abs(shift) < 0.2:
+        return ()
+    return (
+        f"frames {numbers[0]} and {numbers[1]}: the light changed (contrast × {gain:.2f}, "
+        f"brightness {moved.mean - reference.mean:+.3g} grey); "
+        'consider lighting="gain+offset"',
+    )

@@ -19,6 +19,7 @@ Lighting = Literal["auto", "none", "gain+offset", "local"]
 Group = Literal["affine", "similarity", "euclidean", "translation"]
 Search = Literal["auto", "pyramid"]
 Method = Literal["least_squares", "eigenfilter"]
+Reference = Literal["first", "middle", "second"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -35,6 +36,10 @@ class Settings:
     method : {"least_squares", "eigenfilter"}
         What compares the frames: every pixel, or the responses of an array of operators for all six
         generators (`sixflow.eigenfilters`), which do not see changes of brightness and contrast.
+    reference : {"first", "middle", "second"}
+        Frame in which the grid points lie: the motion is that of what is at the point in frame 0; in the middle
+        between the frames, to which both are brought by half (central, second order in time, for flows); or in
+        frame 1. u and v always point from frame 0 to frame 1.
     group : {"affine", "similarity", "euclidean", "translation"}
         Motions that a window may make: all six numbers; shift, rotation and zoom; shift and rotation;
         shift alone. Fewer have less noise, and are wrong where the motion is not of the group. Numbers
@@ -86,6 +91,7 @@ class Settings:
     window: float = 31
     step: int = 8
     method: Method = "least_squares"
+    reference: Reference = "first"
     group: Group = "affine"
     sharpen: int = 0
     interpolation: Interpolation = "quintic"
@@ -118,6 +124,7 @@ class Settings:
             _is_whole(self.sharpen, 0, 16), "sharpen", self.sharpen, "must be a whole number from 0 to 16"
         )
         _require_choice("method", self.method, get_args(Method))
+        _require_choice("reference", self.reference, get_args(Reference))
         _require_choice("group", self.group, get_args(Group))
         _require(
             self.group == "affine" or self.sharpen == 0,
@@ -223,6 +230,7 @@ class SettingsOptions(TypedDict, total=False):
     window: float
     step: int
     method: Method
+    reference: Reference
     group: Group
     sharpen: int
     interpolation: Interpolation

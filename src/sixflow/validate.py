@@ -22,6 +22,7 @@ from sixflow.engine.threads import over_strips
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
+from sixflow.placing import leaves, masked_points
 from sixflow.settings import Settings
 
 if TYPE_CHECKING:
@@ -208,12 +209,10 @@ def flag_points(
         The reference frame at full resolution.
     """
     flag = np.zeros(grid.shape, np.uint8)
-    height, width = reference.image.shape
     variance = quality.covariance
     with np.errstate(invalid="ignore"):
         error = np.sqrt(np.maximum(variance[..., 0, 0], variance[..., 1, 1])).astype(np.float64)
-        x, y = grid.x + maps[0], grid.y[:, None] + maps[1]
-        outside = ~((x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1))
+        outside = leaves(maps, grid, reference.image.shape, settings.reference)
         unknown = np.isnan(maps).any(axis=0)
         measurable = (quality.texture > quality.minimum_texture) & (error < MAXIMUM_ERROR)
         flag[quality.weight < COMPLETE_WEIGHT] |= FLAGS["border"]
@@ -222,7 +221,7 @@ def flag_points(
         gone = (outside & ~unknown) | (quality.weight < MINIMUM_WEIGHT) | unlike
         flag[gone] |= FLAGS["unmatched"]
         flag[left > np.maximum(2 * settings.tolerance, error / 2)] |= FLAGS["not_converged"]
-    masked = _masked(reference.valid, grid)
+    masked = masked_points(maps, grid, reference.valid, settings.reference)
     trusted = np.where((flag & FAILING).astype(bool) | masked, np.nan, maps)
     floor = np.maximum(FLOOR, np.nan_to_num(error, nan=FLOOR))
     flag[median_outliers(trusted, grid.step, settings.window, floor)] |= FLAGS["outlier"]
@@ -242,9 +241,3 @@ def _unsupported(failed: NDArray[np.bool_], masked: NDArray[np.bool_]) -> NDArra
         )
         counts.append(total)
     return ~failed & (counts[0] > 2 * counts[1])
-
-
-def _masked(valid: NDArray[np.uint8], grid: Grid) -> NDArray[np.bool_]:
-    if not valid.size:
-        return np.zeros(grid.shape, np.bool_)
-    return valid[np.ix_(grid.y, grid.x)] == 0

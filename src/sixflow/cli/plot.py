@@ -115,11 +115,12 @@ def _read_frame(path: str, field: xr.Dataset, time: int) -> Any:
     InputError
         If the field has no such pair, or the recording no such frame.
     """
-    from sixflow.field.selection import one_pair
+    from sixflow.field.selection import one_pair, reference_of
     from sixflow.frames import open_frames
 
     pair, source = one_pair(field, time), open_frames(path)
-    number = int(pair["frame0"]) if len(source) > 1 and "frame0" in pair.coords else 0
+    name, part = ("frame1", "ends") if reference_of(pair) == "second" else ("frame0", "begins")
+    number = int(pair[name]) if len(source) > 1 and name in pair.coords else 0
     if number >= len(source):
-        raise InputError(f"--frame {path}: {len(source)} frames, but the pair begins with frame {number}")
+        raise InputError(f"--frame {path}: {len(source)} frames, but the pair {part} with frame {number}")
     return next(source.iterate(number))

@@ -10,6 +10,7 @@ order used everywhere, are `SIX`: u, v (px), divergence, curl, stretch, shear (d
 | `strain` | finite and infinitesimal measures of deformation, each under its own name |
 | `principal` | principal values, axis and maximum shear of a symmetric tensor |
 | `derivatives`, `propagation` | covariance through all of them |
+| `reference` | about a point of frame 0, of the middle, of frame 1 |
 | `orientation` | y up instead of y down |
 """
 
@@ -33,6 +34,7 @@ from sixflow.convention.propagation import composition_jacobians as composition_
 from sixflow.convention.propagation import jacobian as jacobian
 from sixflow.convention.propagation import propagate as propagate
 from sixflow.convention.propagation import propagate_composition as propagate_composition
+from sixflow.convention.reference import change_reference as change_reference
 from sixflow.convention.six import GENERATOR_NAMES as GENERATOR_NAMES
 from sixflow.convention.six import GENERATORS as GENERATORS
 from sixflow.convention.six import GRADIENT_FROM_SIX as GRADIENT_FROM_SIX

@@ -77,7 +77,7 @@ class EigenfilterPasses(Passes):
     def _solution(self) -> NDArray[np.float64]:
         counted = self.counted()
         residual = np.where(counted, self.workspace.array("residual", counted.shape, self.dtype), 0)
-        mean = np.where(counted, self.reference.image + residual / 2, 0)
+        mean = np.where(counted, self.still() + residual / 2, 0)
         images = Images(*self._images(), residual, mean, counted)
         equations = local_equations(self.array.projection, self.pool.lattice, images)
         self._equations = equations
@@ -93,7 +93,7 @@ class EigenfilterPasses(Passes):
         """As the bank sees it: what a change of light adds is not in the noise, nor is noise out of its band."""
         assert self._equations is not None
         array, pool, equations = self.array, self.pool, self._equations
-        weight = self._statistics(self.reference.image, "statistics")[0]
+        weight = self._statistics(self.still(), "statistics")[0]
         power, freedom, contrast = (
             pool.scalars(values) for values in (equations.power, equations.freedom, equations.contrast)
         )

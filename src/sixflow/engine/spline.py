@@ -101,12 +101,13 @@ def noise_variance(degree: int) -> tuple[float, float, float]:
 
 
 @cache
-def gradient_noise(degree: int, derivative: tuple[float, ...]) -> float:
+def gradient_noise(degree: int, derivative: tuple[float, ...], interpolated: int = 1) -> float:
     """Power that unit white noise in both frames adds to each gradient component, averaged over
     fractions between pixels.
 
     ⟨g²⟩ for g = ½D(n₀ + S n₁), D the antisymmetric difference with half-weights `derivative`, S the
-    interpolation at a fraction, along both axes.
+    interpolation at a fraction, along both axes. Where both frames are interpolated (`interpolated=2`) n₀ is
+    smoothed as well.
     """
     fractions = (np.arange(32) + 0.5) / 32
     omega = 2 * np.pi * np.fft.fftfreq(_PERIOD)
@@ -114,4 +115,4 @@ def gradient_noise(degree: int, derivative: tuple[float, ...]) -> float:
     power = np.abs(_cardinal_spectra(degree, fractions)) ** 2
     still = float((response**2).mean())
     moved = float((response**2 * power).mean() * power.mean())
-    return (still + moved) / 4
+    return ((2 - interpolated) * still + interpolated * moved) / 4

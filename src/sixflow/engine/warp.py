@@ -11,6 +11,9 @@ after: exact in exact arithmetic, and it keeps large displacements out of single
 on the *sampled* mean frame: noise that is stationary is uncorrelated with its own antisymmetric
 difference, so that noise does not bias the solution.
 
+Seen from the middle (`reference="middle"`) both frames are brought there by half: S₀(x − U/2) takes the place of
+I₀(x), and S₁(x + U/2) that of S₁(x + U); the right-hand side still holds the whole U.
+
 A pixel that has no partner (outside the moved frame, masked) gets g = 0 and a NaN residual: its weight
 is missing.
 
@@ -290,6 +293,42 @@ def _gradient_row(
 
 
 @kernel
+def bring_strip(
+    coefficients: NDArray[Any], source_valid: NDArray[Any], maps: NDArray[Any], twist: NDArray[Any],
+    grid: tuple[int, int, int], plane: NDArray[Any], degree: int, noise: tuple[float, float, float],
+    start: int, stop: int, out: NDArray[Any], valid: NDArray[Any], variance: NDArray[Any],
+) -> None:  # fmt: skip
+    """Blend maps and interpolate one frame at x + U(x), rows start … stop of the arrays at the end.
+
+    Parameters
+    ----------
+    coefficients, source_valid
+        Spline coefficients of the frame, and where it may be asked; (0, 0) for everywhere.
+    maps, twist, grid, plane
+        As for `warp_strip`.
+    out : array, shape (height, width)
+        0 where nothing is there.
+    valid : uint8 array, shape (height, width)
+    variance : array, shape (height, width)
+        Noise variance of the interpolated values, in units of the frame's.
+    """
+    width = out.shape[1]
+    dtype = out.dtype
+    dense, position = np.empty((2, width), dtype), np.empty((2, width), dtype)
+    line, basis = np.empty((2, maps.shape[2]), dtype), np.empty((4, grid[2]), dtype)
+    hermite_basis(grid[2], basis)
+    scratch = np.empty((2 * (degree + 1) + 2, width), dtype)
+    for y in range(start, stop):
+        _position_row(maps, twist, grid, plane, y, basis, line, dense, position)
+        target, seen = out[y], valid[y]
+        warp_row(coefficients, source_valid, position[0], position[1], y, scratch, target, variance[y], noise)
+        for x in range(width):
+            seen[x] = target[x] == target[x]
+            if seen[x] == 0:
+                target[x] = 0
+
+
+@kernel
 def warp_strip(
     reference: NDArray[Any],
     coefficients: NDArray[Any],
@@ -303,6 +342,8 @@ def warp_strip(
     degree: int,
     total: bool,
     noise: tuple[float, float, float],
+    whole: float,
+    still_variance: NDArray[Any],
     start: int,
     stop: int,
     gradient_x: NDArray[Any],
@@ -328,6 +369,11 @@ def warp_strip(
         y-slope and twist.
     total : bool
         Total form (`right` = g·U' − r) or increment form (`right` = −r).
+    whole : float
+        The whole displacement over the part of it that the maps hold: 1, or 2 where the reference has been
+        brought half way.
+    still_variance : array, shape (height, width) or (0, 0)
+        Noise variance of the reference's pixels in units of the frame's; 1 if not given.
     gradient_x, gradient_y, right : arrays, shape (height, width)
     residual : array, shape (height, width) or (0, 0)
         r scaled so that its variance is twice that of one frame's noise; NaN where a pixel has no partner.
@@ -364,8 +410,13 @@ def warp_strip(
         _compare_row(reference[y], warped, valid, difference[k], mean[k])
         if residual.size and start <= y < stop:
             r, target = difference[k], residual[y]
-            for x in range(width):
-                target[x] = r[x] * math.sqrt(2 / (1 + variance[x]))
+            if still_variance.size:
+                still = still_variance[y]
+                for x in range(width):
+                    target[x] = r[x] * math.sqrt(2 / (still[x] + variance[x]))
+            else:
+                for x in range(width):
+                    target[x] = r[x] * math.sqrt(2 / (1 + variance[x]))
     for y in range(start, stop):
         k = y - low
         target_x, target_y, target = gradient_x[y], gradient_y[y], right[y]
@@ -384,5 +435,10 @@ def warp_strip(
         for x in range(width):
             target[x] = -r[x] if r[x] == r[x] else zero
         if total:
+            if whole != 1:
+                scale = dtype.type(whole)
+                for x in range(width):
+                    u[x] *= scale
+                    v[x] *= scale
             for x in range(width):
                 target[x] += target_x[x] * u[x] + target_y[x] * v[x]

@@ -8,6 +8,7 @@
 | residual | time, y, x | 1 | zero-normalised residual: rms difference of the matched windows / rms contrast |
 | noise | time, y, x | grey | standard deviation of one frame's noise, from the residual |
 | flag | time, y, x | – | CF flag_masks, `FLAGS` |
+| body | time, y, x | – | number of the body in the mask, 0 where masked; where there are several, or moving masks |
 | frame0, frame1 | time | – | numbers of the reference and the moved frame |
 
 A point whose flag contains one of `FAILING` is NaN in every measured variable. Grid points lie on whole
@@ -54,6 +55,7 @@ def build_field(
     time_unit: str,
     frame_numbers: Sequence[tuple[int, int]],
     attrs: Mapping[str, Any],
+    body: Array | None = None,
 ) -> xr.Dataset:
     """Assemble the dataset described in this module.
 
@@ -72,6 +74,8 @@ def build_field(
         Numbers of the reference and moved frame of each pair.
     attrs : mapping
         Settings, version, digest and resolution of the measurement.
+    body : int array, shape (time, y, x), optional
+        Number of each point's body.
     """
     grid = ("time", "y", "x")
     variables: dict[str, Any] = {
@@ -94,6 +98,8 @@ def build_field(
             "flag_meanings": " ".join(FLAGS),
         },
     )
+    if body is not None:
+        variables["body"] = (grid, body, {"long_name": "number of the body in the mask, 0 where masked"})
     numbers = np.asarray(frame_numbers, dtype=np.int64).reshape(-1, 2)
     coordinates = {
         "time": ("time", time, {"long_name": "time of the reference frame", "units": time_unit, "axis": "T"}),

@@ -12,6 +12,10 @@ Each is a chain of functions of `sixflow.convention`, applied to the six of ever
 | divergence_rate, vorticity, stretch_rate, shear_rate | one number of log_six, / frame interval | 1/s |
 | strain_rate | log_six → gradient → small_strain, / frame interval | 1/s |
 
+The finite ones (all but displacement_gradient, small_strain and small_rotation, which are of the gradient as it
+stands) are functions of the deformation of frame 1 relative to frame 0. Where the points of the field lie in the
+middle or in frame 1, the six are told for frame 0 first (`convention.change_reference`).
+
 A rate is per frame ("1/frame") as long as the frame interval is unknown. A quantity that does not exist at a
 point, such as the logarithm of a map that folds, is NaN there.
 """
@@ -30,7 +34,7 @@ from sixflow import convention
 from sixflow.errors import InputError
 from sixflow.field.calibration import known_interval
 from sixflow.field.dataset import SIX
-from sixflow.field.selection import require_variable
+from sixflow.field.selection import reference_of, require_variable
 
 Array = NDArray[Any]
 
@@ -63,6 +67,8 @@ class Derived:
         Divide by the frame interval.
     signed : bool
         False if it is never negative.
+    finite : bool
+        False if it is of the gradient in the frame that the field refers to, as it stands.
     """
 
     steps: tuple[Callable[..., Any], ...]
@@ -72,13 +78,16 @@ class Derived:
     component: int | None = None
     rate: bool = False
     signed: bool = True
+    finite: bool = True
 
 
 def _table() -> dict[str, Derived]:
     gradient, log = convention.gradient, convention.log_six
     tensor = ("i", "j")
     table = {
-        "displacement_gradient": Derived((gradient,), tensor, "1", "displacement gradient G"),
+        "displacement_gradient": Derived(
+            (gradient,), tensor, "1", "displacement gradient G", finite=False
+        ),
         "lie_algebra_element": Derived((log,), ("param",), "px or 1, per frame", "the six of log(I + G)"),
         "green_lagrange": Derived(
             (gradient, convention.green_lagrange), tensor, "1", "Green-Lagrange tensor"
@@ -86,7 +95,9 @@ def _table() -> dict[str, Derived]:
         "almansi": Derived((gradient, convention.almansi), tensor, "1", "Euler-Almansi tensor"),
         "hencky": Derived((gradient, convention.hencky), tensor, "1", "Hencky (logarithmic) tensor"),
         "biot": Derived((gradient, convention.biot), tensor, "1", "Biot (nominal) tensor"),
-        "small_strain": Derived((gradient, convention.small_strain), tensor, "1", "infinitesimal tensor"),
+        "small_strain": Derived(
+            (gradient, convention.small_strain), tensor, "1", "infinitesimal tensor", finite=False
+        ),
         "strain_rate": Derived(
             (log, gradient, convention.small_strain), tensor, "1", "rate of deformation tensor", rate=True
         ),
@@ -94,7 +105,7 @@ def _table() -> dict[str, Derived]:
             (gradient, convention.rotation_angle), (), "rad", "angle of the rotation of F = RU"
         ),
         "small_rotation": Derived(
-            (gradient, convention.small_rotation), (), "rad", "infinitesimal rotation, half the curl"
+            (gradient, convention.small_rotation), (), "rad", "infinitesimal rotation, half the curl", finite=False
         ),
         "area_ratio": Derived(
             (gradient, convention.area_ratio),
@@ -117,7 +128,7 @@ def _table() -> dict[str, Derived]:
             angle = function is convention.principal_angle
             table[f"{measure}_{function.__name__}"] = Derived(
                 (*of.steps, function), dims, unit, f"{text} of the {of.long_name}",
-                rate=of.rate and not angle, signed=function is not convention.max_shear,
+                rate=of.rate and not angle, signed=function is not convention.max_shear, finite=of.finite,
             )  # fmt: skip
     return table
 
@@ -152,6 +163,8 @@ def derive(field: xr.Dataset, name: str, interval: float | None = None) -> xr.Da
     recipe = _recipe(name)
     numbers = six(field)
     values = numbers.values
+    if recipe.finite:
+        values = convention.change_reference(values, reference_of(field))
     for step in recipe.steps:
         values = step(values, **_options(step))
     factor, unit = _rate(field, recipe, interval)
@@ -186,6 +199,8 @@ def derived_error(field: xr.Dataset, name: str, interval: float | None = None) -
     numbers = six(field)
     leading = numbers.dims[:-1]
     value, spread = numbers.values, covariance.transpose(*leading, "param", "param2").values
+    if recipe.finite:
+        value, spread = on_first_frame(value, spread, reference_of(field))
     for step in recipe.steps:
         value, spread = convention.propagate(step, value, spread, **_options(step))
     if recipe.component is not None:
@@ -198,6 +213,13 @@ def derived_error(field: xr.Dataset, name: str, interval: float | None = None) -
     return _wrap(
         numbers, errors, recipe, f"{name}_standard_error", f"standard error of {recipe.long_name}", unit
     )
+
+
+def on_first_frame(value: Array, covariance: Array, reference: str) -> tuple[Array, Array]:
+    """The six (..., 6) and their covariance (..., 6, 6), told for frame 0."""
+    if reference == "first":
+        return value, covariance
+    return convention.propagate(convention.change_reference, value, covariance, source=reference)
 
 
 def _recipe(name: str) -> Derived:

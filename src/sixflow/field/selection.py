@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sixflow.convention.reference import SHARE
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, FLAGS, SIX
 
@@ -115,6 +116,22 @@ def stored_settings(field: xr.Dataset) -> dict[str, Any]:
     if not isinstance(settings, dict):
         raise InputError(f"attribute settings={text!r}: must be a JSON object, as sixflow writes it")
     return settings
+
+
+def reference_of(field: xr.Dataset) -> str:
+    """Frame that the points of a field lie in: "first", "middle" or "second".
+
+    Raises
+    ------
+    InputError
+        If the settings of the field say something else.
+    """
+    reference = stored_settings(field).get("reference", "first")
+    if reference not in SHARE:
+        raise InputError(
+            f"attribute settings: reference={reference!r}: must be one of {', '.join(map(repr, SHARE))}"
+        )
+    return str(reference)
 
 
 def flagged(field: xr.Dataset, name: str) -> xr.DataArray:

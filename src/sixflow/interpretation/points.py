@@ -13,9 +13,11 @@ from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
 from sixflow.field.calibration import known_interval
 from sixflow.field.dataset import FLAGS, SIX
+from sixflow.field.derived import on_first_frame
 from sixflow.field.selection import (
     frame_shape,
     one_pair,
+    reference_of,
     require_field,
     require_variable,
     stored_settings,
@@ -103,6 +105,8 @@ def select_points(field: xr.Dataset, region: Any, time: int, border: bool) -> Po
     known = valid(inside).values
     spread = covariance.sel(x=inside.x, y=inside.y).values.astype(np.float64)
     six = np.stack([inside[name].values for name in SIX], axis=-1).astype(np.float64)
+    # times count from frame 0, whatever frame the points lie in
+    six, spread = on_first_frame(six, spread, reference_of(whole))
     known &= np.isfinite(spread).all(axis=(-1, -2))
     cut = np.zeros_like(known)
     if "flag" in inside and not border:

@@ -13,6 +13,7 @@ from matplotlib.transforms import ScaledTranslation, Transform, blended_transfor
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.errors import InputError
+from sixflow.field.selection import reference_of
 from sixflow.plot.look import ARROW, FONT, INK, nice_below, require_axes
 from sixflow.plot.missing import fill_missing, mark_failed
 from sixflow.plot.view import Units, View
@@ -74,11 +75,12 @@ def draw_arrows(ax: Axes, view: View, frame: ArrayLike | None, *, arrows: int = 
     typical = float(np.quantile(length, 0.95)) if length.size else 0.0
     scale = typical / (1.1 * spacing) if typical > 0 else 1.0
     # Where y grows downwards, angles="xy" lets a positive v point down, as it shall.
+    pivot = {"first": "tail", "middle": "middle", "second": "tip"}[reference_of(view.pair)]
     style: dict[str, Any] = {
         "scale_units": "xy", "scale": scale, "units": "inches", "width": 0.0095, "color": ARROW,
         "headwidth": 3.6, "headlength": 4.2, "headaxislength": 3.8, "minlength": 0.6, "zorder": 4,
     }  # fmt: skip
-    quiver = ax.quiver(x[shown], y[shown], u.values[shown], v.values[shown], angles="xy", **style)
+    quiver = ax.quiver(x[shown], y[shown], u.values[shown], v.values[shown], angles="xy", pivot=pivot, **style)
     view.dress(ax, "velocity" if view.calibration else "displacement")
     if typical > 0:
         _draw_reference(ax, view, nice_below(typical), u.unit, style)

@@ -1,0 +1,111 @@
+"""Pieces: what is known and found of the bodies of a pair, each measured by itself, and the field they make together."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.convention import GRADIENT_FROM_SIX
+from sixflow.field.flags import FAILING, FLAGS
+from sixflow.grid import Grid
+from sixflow.validate import fill_failed
+
+
+def with_margin(
+    box: tuple[slice, slice], shape: tuple[int, int], window: float
+) -> tuple[slice, slice]:
+    """Rows and columns around a body: two windows more on every side, or half its longer side."""
+    margin = int(np.ceil(max(2 * window, max(part.stop - part.start for part in box) / 2)))
+    rows, columns = (
+        slice(max(0, part.start - margin), min(size, part.stop + margin))
+        for part, size in zip(box, shape, strict=True)
+    )
+    return rows, columns
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """What is known of a motion before it is measured.
+
+    Attributes
+    ----------
+    maps : float64 array, shape (6, rows, columns)
+        u, v, u_x, u_y, v_x, v_y in the frame that the measurement refers to; NaN where nothing is known.
+    body : int array, shape (rows, columns), or None
+        Number of the body of each point, where there are several.
+    failed : float
+        Share of the points of which nothing is known.
+    """
+
+    maps: NDArray[np.float64]
+    body: NDArray[Any] | None = None
+    failed: float = 0.0
+
+    @classmethod
+    def from_six(cls, six: NDArray[Any], flag: NDArray[Any], body: NDArray[Any] | None) -> Start:
+        """Take an earlier result of the same grid as a start."""
+        maps = np.moveaxis(six.astype(np.float64) @ GRADIENT_FROM_SIX.T, -1, 0)
+        maps[:, (flag & FAILING) != 0] = np.nan
+        return cls(np.ascontiguousarray(maps), np.where(flag & FLAGS["masked"], 0, 1) if body is None else body)
+
+    def of(self, number: int | None, places: tuple[slice, slice], grid: Grid) -> Start | None:
+        """The start of one body at some of the points, filled from its own points; None where it has none."""
+        maps = self.maps[(slice(None), *places)]
+        if self.body is not None:
+            body = self.body[places]
+            own = body > 0 if number is None else body == number
+            maps = np.where(own, maps, np.nan)
+            unknown = np.isnan(maps).any(axis=0)[own]
+        else:
+            unknown = np.isnan(maps).any(axis=0).ravel()
+        if unknown.all():
+            return None
+        return Start(fill_failed(maps, grid.step), None, float(unknown.mean()))
+
+    def backwards(self) -> Start:
+        """The same from frame 1 to frame 0, at points of frame 1."""
+        return dataclasses.replace(self, maps=-self.maps)
+
+
+@dataclasses.dataclass
+class Found:
+    """What was found of one body, or of all together; arrays of shape (rows, columns, …)."""
+
+    maps: NDArray[Any]
+    covariance: NDArray[Any]
+    residual: NDArray[Any]
+    noise: NDArray[Any]
+    rho: NDArray[Any]
+    flag: NDArray[np.uint8]
+    body: NDArray[np.int32] | None
+
+    @classmethod
+    def nothing(cls, shape: tuple[int, int]) -> Found:
+        """Start with all points masked."""
+        return cls(
+            np.full((6, *shape), np.nan),
+            np.full((*shape, 6, 6), np.nan),
+            np.full(shape, np.nan),
+            np.full(shape, np.nan),
+            np.full(shape, np.nan),
+            np.full(shape, FLAGS["masked"], np.uint8),
+            np.zeros(shape, np.int32),
+        )
+
+    def take(self, one: Found, number: int, places: tuple[slice, slice]) -> None:
+        """Put the points of a body in their places. Where two bodies claim a point, which only happens off frame 0,
+        one that was measured goes before one that failed, and the better match before the other.
+        """
+        assert self.body is not None
+        flag, residual = self.flag[places], self.residual[places]
+        failed, was_failed = (one.flag & FAILING) != 0, (flag & FAILING) != 0
+        with np.errstate(invalid="ignore"):
+            better = np.where(failed == was_failed, one.residual < residual, was_failed)
+        new = ((one.flag & FLAGS["masked"]) == 0) & (better | ((flag & FLAGS["masked"]) != 0))
+        self.maps[(slice(None), *places)][:, new] = one.maps[:, new]
+        for name in ("covariance", "residual", "noise", "rho", "flag"):
+            getattr(self, name)[places][new] = getattr(one, name)[new]
+        self.body[places][new] = number
