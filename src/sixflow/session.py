@@ -16,20 +16,20 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.convention import SIX_FROM_GRADIENT
-from sixflow.engine.window import attenuation_period
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.field.flags import FLAGS
 from sixflow.grid import Grid
 from sixflow.method import passes_of
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
-from sixflow.passes import Passes, Quality, Workspace
+from sixflow.passes import Quality, Workspace
 from sixflow.refine import refine
 from sixflow.rescue import FAILED, rescue
+from sixflow.resolution import Level, choose, ladder, search_settings
 from sixflow.restriction import ABSENT
 from sixflow.search import search
 from sixflow.settings import Settings
-from sixflow.validate import flag_points
+from sixflow.validate import flag_points, settle
 from sixflow.version import __version__
 
 
@@ -41,11 +41,24 @@ class PairResult:
     covariance: NDArray[Any]
     residual: NDArray[Any]
     noise: NDArray[Any]
+    resolution: NDArray[Any]
     flag: NDArray[np.uint8]
+    window: float
     numbers: tuple[int, int]
     digest: str
     notes: tuple[str, ...]
     memory: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Refined:
+    """A refined and judged field; `window` and `period`, attenuated by 10 %, of each point, px."""
+
+    maps: NDArray[Any]
+    quality: Quality
+    flag: NDArray[np.uint8]
+    window: NDArray[Any]
+    period: NDArray[Any]
 
 
 @dataclasses.dataclass
@@ -63,6 +76,7 @@ class Session:
     """Settings, region of interest, grid and working memory that all pairs of a recording share."""
 
     def __init__(self, settings: Settings, mask: ArrayLike | None) -> None:
+        self.asked = settings
         self.settings = settings
         self.dtype = np.float64 if settings.float64 else np.float32
         self.mask = None if mask is None else _check_mask(mask)
@@ -101,6 +115,7 @@ class Session:
     def _begin(self, first: NDArray[Any], name: str) -> None:
         """Take shape, grid and the grey constant from the first frame."""
         height, width = first.shape
+        self.settings = search_settings(self.asked, first.shape)
         if min(height, width) < self.settings.window:
             raise InputError(
                 f"{name} has shape {first.shape}: smaller than window={self.settings.window:g}; "
@@ -130,25 +145,27 @@ class Session:
                 raise InputError(
                     "mask is True only where frame 0 has no value (NaN or infinite): nothing is left to measure"
                 )
-        passes = passes_of(settings)(region, moved.frame, grid, settings, self.workspace)
-        maps, quality, flag = self._refined(
-            passes, search(region, moved.frame, grid, settings, self.workspace), region
+        refined = self._refined(
+            region, moved.frame, search(region, moved.frame, grid, settings, self.workspace)
         )
-        if settings.search == "auto" and _share_failed(flag) > FAILED:
+        if settings.search == "auto" and _share_failed(refined.flag) > FAILED:
             start = rescue(region, moved.frame, grid, settings)
             if start is not None:
-                again = self._refined(passes, start, region)
-                if _share_failed(again[2]) < _share_failed(flag):
-                    maps, quality, flag = again
+                again = self._refined(region, moved.frame, start)
+                if _share_failed(again.flag) < _share_failed(refined.flag):
+                    refined = again
+        flag, quality = refined.flag, refined.quality
         failed = (flag & FAILING).astype(bool)
-        six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, maps, axes=1), 0, -1)
+        six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, refined.maps, axes=1), 0, -1)
         six[..., ABSENT.get(settings.group, ())] *= 0.0  # by assumption, not by rounding; NaN stays NaN
         measured = {
             "six": six,
             "covariance": quality.covariance,
             "residual": quality.residual,
             "noise": quality.noise / self.scale,
+            "resolution": refined.period.copy(),
         }
+        windows = refined.window[~failed] if not failed.all() else refined.window
         for name, values in measured.items():
             # noise is in grey levels, which may be of any size
             measured[name] = values if name == "noise" else values.astype(self.dtype, copy=False)
@@ -164,28 +181,50 @@ class Session:
         )
         notes = (*reference.notes, *moved.notes, *_lighting_notes(reference, moved, numbers, settings))
         return PairResult(
-            **measured, flag=flag, numbers=numbers, digest=digest.hexdigest()[:16], notes=notes, memory=memory
+            **measured, flag=flag, window=float(np.median(windows)), numbers=numbers, digest=digest.hexdigest()[:16],
+            notes=notes, memory=memory,
+        )  # fmt: skip
+
+    def _refined(self, region: Frame, moved: Frame, start: NDArray[Any]) -> Refined:
+        """Refine a start and judge it."""
+        if self.asked.window == "auto":
+            levels: list[Level] = []
+            for settings in reversed(ladder(self.asked, region.image.shape)):
+                levels.insert(0, self._level(region, moved, start, settings))
+                start = settle(
+                    np.where(levels[0].usable, levels[0].maps, np.nan), self.grid.step, settings.window
+                )
+            chosen = choose(levels, self.grid)
+            return Refined(chosen.maps, chosen.quality, chosen.flag, chosen.window, chosen.period)
+        level = self._level(region, moved, start, self.settings)
+        everywhere = np.ones(self.grid.shape)
+        return Refined(
+            level.maps,
+            level.quality,
+            level.flag,
+            level.settings.window * everywhere,
+            level.period * everywhere,
         )
 
-    def _refined(
-        self, passes: Passes, start: NDArray[Any], region: Frame
-    ) -> tuple[NDArray[Any], Quality, NDArray[np.uint8]]:
-        """Refine a start and judge it: maps, quality and flags."""
+    def _level(self, region: Frame, moved: Frame, start: NDArray[Any], settings: Settings) -> Level:
+        """Refine a start with one window and judge it."""
+        passes = passes_of(settings)(region, moved, self.grid, settings, self.workspace)
         maps, quality, left = refine(passes, start)
-        flag = flag_points(passes.dense(maps), quality, left, self.grid, region, self.settings)
-        return maps, quality, flag
+        flag = flag_points(passes.dense(maps), quality, left, self.grid, region, settings)
+        return Level(settings, maps, quality, left, flag)
 
     def field(self, result: PairResult, time: Sequence[float], unit: str) -> xr.Dataset:
         """Return the dataset of one pair."""
-        settings = self.settings
+        settings = self.asked
         assert self.shape is not None
+        resolutions = result.resolution[np.isfinite(result.resolution)]
         attrs = {
             "sixflow_version": __version__,
             "settings": settings.to_json(),
             "input_digest": result.digest,
             "frame_shape": list(self.shape),
-            "effective_window": float(settings.window),
-            "attenuation_period_10": attenuation_period(settings.sigma, settings.sharpen),
+            "effective_window": result.window,
+            "attenuation_period_10": float(np.median(resolutions)) if resolutions.size else float("nan"),
             "memory_bytes": result.memory,
             "notes": "\n".join(result.notes),
         }
@@ -194,6 +233,7 @@ class Session:
             covariance=result.covariance[None],
             residual=result.residual[None],
             noise=result.noise[None],
+            resolution=result.resolution[None],
             flag=result.flag[None],
             x=self.grid.x,
             y=self.grid.y,
