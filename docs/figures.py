@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from sixflow.engine.response import response
 from sixflow.engine.window import sharpening_noise, window_sigma
 from sixflow.groups import PROJECTIVE, draw_trajectories
 
@@ -22,7 +23,7 @@ def sharpening() -> None:
     whole = np.exp(-((2 * np.pi / period * window_sigma(31)) ** 2) / 2)
     counts = (0, 1, 2, 4)
     for n, colour in zip(counts, COLOURS, strict=True):
-        left.semilogx(period, 1 - (1 - whole) ** (n + 1), color=colour, label=f"n = {n}")
+        left.semilogx(period, response(whole, n), color=colour, label=f"n = {n}")
     left.axhline(0.9, color="0.6", linewidth=0.8, linestyle=":")
     left.set_xticks([20, 30, 50, 100, 200, 300], labels=["20", "30", "50", "100", "200", "300"])
     left.minorticks_off()

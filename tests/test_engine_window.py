@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import quad
 
 from sixflow.engine import threads
+from sixflow.engine.response import response
 from sixflow.engine.window import CUT, attenuation_period, moment_weights, sharpening_noise, window_sigma
 
 
@@ -34,17 +35,19 @@ def test_squared_weights():
 def test_attenuation_period(sharpen):
     period = attenuation_period(9.0, sharpen)
     M = np.exp(-((2 * np.pi / period * 9.0) ** 2) / 2)
-    assert 1 - (1 - M) ** (sharpen + 1) == pytest.approx(0.9)
+    assert response(M, sharpen) == pytest.approx(0.9)
+    assert 1 - (1 - M) ** (sharpen + 1) == pytest.approx(0.9, abs=1e-5)  # as repeated corrections
 
 
 @pytest.mark.parametrize("sharpen", [0, 1, 2, 5, 16])
 def test_sharpening_noise(sharpen):
-    def response(x):
-        return 1 - (1 - np.exp(-x)) ** (sharpen + 1)
-
     displacement, gradient = sharpening_noise(sharpen)
-    assert displacement == pytest.approx(np.sqrt(2 * quad(lambda x: response(x) ** 2, 0, 60)[0]), rel=1e-5)
-    assert gradient == pytest.approx(np.sqrt(4 * quad(lambda x: x * response(x) ** 2, 0, 60)[0]), rel=1e-5)
+    assert displacement == pytest.approx(
+        np.sqrt(2 * quad(lambda x: response(np.exp(-x), sharpen) ** 2, 0, 60)[0]), rel=1e-5
+    )
+    assert gradient == pytest.approx(
+        np.sqrt(4 * quad(lambda x: x * response(np.exp(-x), sharpen) ** 2, 0, 60)[0]), rel=1e-5
+    )
 
 
 @pytest.mark.parametrize("workers", [1, 2])

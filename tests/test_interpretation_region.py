@@ -21,6 +21,7 @@ from interpreted import (
 )
 from sixflow import synth
 from sixflow.convention import numerical_jacobian
+from sixflow.engine.response import response as response_of
 from sixflow.engine.window import sharpening_noise
 from sixflow.errors import InputError, MeasurementError
 from sixflow.field.flags import FLAGS
@@ -45,7 +46,7 @@ def spectrum_of(sharpen, size=256):
     k = 2 * np.pi * np.fft.fftfreq(size)
     ky, kx = np.meshgrid(k, k, indexing="ij")
     M = np.exp(-(kx**2 + ky**2) * SIGMA**2 / 2)
-    response = 1 - (1 - M) ** (sharpen + 1)
+    response = response_of(M, sharpen)
     return np.stack([response, 1j * kx * SIGMA * response, 1j * ky * SIGMA * response])
 
 

@@ -17,6 +17,7 @@ from sixflow import InputError, Settings, measure, measure_sequence
 from sixflow.cli import main
 from sixflow.eigenfilters.passes import EigenfilterPasses, OperatorArray
 from sixflow.engine import threads
+from sixflow.engine.response import response as response_of
 from sixflow.engine.window import attenuation_period, sharpening_noise, window_sigma
 from sixflow.field.dataset import SIX
 from sixflow.grid import Grid
@@ -541,7 +542,7 @@ def test_attenuation_of_a_wave(period):
         cosine, sine = np.cos(k * rows), np.sin(k * rows)
         u_y = ((inside.shear - inside.curl) / 2).values
         # the fixed point of U ← Q (M U + M̃ (U* − U)), Q of the window's own M
-        Q = (1 - (1 - M) ** (sharpen + 1)) / M
+        Q = response_of(M, sharpen) / M
         response = Q * seen / (1 - Q * M + Q * seen) if sharpen else seen
         for values, wave, size in ((inside.u.values, cosine, amplitude), (u_y, -sine, amplitude * k)):
             known = np.isfinite(values)

@@ -10,6 +10,7 @@ import pytest
 import measured
 import naive
 from sixflow import measure
+from sixflow.engine.response import response as response_of
 from sixflow.engine.window import sharpening_noise, window_sigma
 from sixflow.synth import Motion, Speckle, pair
 
@@ -138,7 +139,7 @@ def test_attenuation_of_a_wave(period):
         rows = inside.y.values[: int(period / 4) * ((len(inside.y) * 4) // period)]
         inside = inside.sel(y=rows)
         cosine, sine = np.cos(k * rows), np.sin(k * rows)
-        response = 1 - (1 - M) ** (sharpen + 1)
+        response = response_of(M, sharpen)
         u_y = ((inside.shear - inside.curl) / 2).values
         for values, wave, size in ((inside.u.values, cosine, amplitude), (u_y, -sine, amplitude * k)):
             known = np.isfinite(values)

@@ -6,6 +6,7 @@ import pytest
 import measured
 import naive
 from sixflow import measure
+from sixflow.engine.response import response as response_of
 from sixflow.grid import Grid
 from sixflow.normalise import NO_MASK, Frame
 from sixflow.passes import Passes, Workspace
@@ -221,7 +222,7 @@ def test_uniform_window_answers_waves_by_theory(period, sharpen):
     M = np.exp(-((k * sigma) ** 2) / 2)
     answered = window.deconvolve(window.fit(maps), sharpen)[..., 30:-30]
     # where the borders, which reach further in with every fit, are far; cutting the window at 3.5 σ leaves 0.002
-    response = 1 - (1 - M) ** (sharpen + 1)
+    response = response_of(M, sharpen)
     for plane in (0, 2):
         wave = maps[plane][..., 30:-30]
         seen = (answered[plane] * wave).sum() / (wave**2).sum()

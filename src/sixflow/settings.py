@@ -10,7 +10,7 @@ import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, TypedDict, get_args
+from typing import Any, Literal, TypeAlias, TypedDict, get_args
 
 from sixflow.errors import InputError
 
@@ -20,6 +20,8 @@ Group = Literal["affine", "similarity", "euclidean", "translation"]
 Search = Literal["auto", "pyramid"]
 Method = Literal["least_squares", "eigenfilter"]
 Reference = Literal["first", "middle", "second"]
+Window: TypeAlias = Any
+"""A number, or "auto" as it is asked for; what measures has a number (`sixflow.resolution.ladder`)."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -28,9 +30,11 @@ class Settings:
 
     Parameters
     ----------
-    window : float
+    window : float or "auto"
         Side of the square subset of the same noise, px, at least 5. The weight is a Gaussian of
-        σ = window/√(4π) = window/3.545. Larger: less noise, less resolution.
+        σ = window/√(4π) = window/3.545. Larger: less noise, less resolution. "auto" measures with windows from
+        8 to 62 px, sharpened, and takes at each point the one of least expected error; `resolution` in the
+        field says how fine it is.
     step : int
         Distance between grid points, px, at least 1. It sets the density of points, not the resolution.
     method : {"least_squares", "eigenfilter"}
@@ -45,7 +49,8 @@ class Settings:
         shift alone. Fewer have less noise, and are wrong where the motion is not of the group. Numbers
         that the group does not have are 0 by assumption, with a covariance of 0.
     sharpen : int
-        Number of sharpening passes, 0 to 16: finer resolution of the same window, for more noise.
+        0 to 16: finer resolution of the same window, for more noise; 1 halves the period that is resolved for
+        no more noise in the displacement. With `window="auto"`, 0 means 2.
     interpolation : {"cubic", "quintic"}
         B-spline that interpolates the moved frame; quintic has the least bias and costs more.
     lighting : {"auto", "none", "gain+offset", "local"}
@@ -88,7 +93,7 @@ class Settings:
     sixflow.errors.InputError: step=0: must be a whole number of pixels, at least 1; 8 suits a window of 31
     """
 
-    window: float = 31
+    window: Window = 31
     step: int = 8
     method: Method = "least_squares"
     reference: Reference = "first"
@@ -109,10 +114,10 @@ class Settings:
         if isinstance(self.window, float) and self.window.is_integer():
             object.__setattr__(self, "window", int(self.window))  # 31.0 and 31 are the same setting
         _require(
-            _is_number(self.window) and self.window >= 5,
+            self.window == "auto" or (_is_number(self.window) and self.window >= 5),
             "window",
             self.window,
-            "must be at least 5 px; 31 is a good start",
+            "must be at least 5 px, or 'auto'; 31 is a good start",
         )
         _require(
             _is_whole(self.step, 1),
@@ -131,6 +136,12 @@ class Settings:
             "sharpen",
             self.sharpen,
             f"must be 0 with group={self.group!r}: sharpening needs all six numbers; take group='affine'",
+        )
+        _require(
+            self.window != "auto" or (self.method == "least_squares" and self.group == "affine"),
+            "window",
+            self.window,
+            "needs method='least_squares' and group='affine'; otherwise give a number of pixels, such as 31",
         )
         _require_choice("interpolation", self.interpolation, get_args(Interpolation))
         _require_choice("search", self.search, get_args(Search))
@@ -174,7 +185,7 @@ class Settings:
     @property
     def sigma(self) -> float:
         """Standard deviation of the Gaussian weight, px: window/√(4π)."""
-        return self.window / math.sqrt(4 * math.pi)
+        return float(self.window) / math.sqrt(4 * math.pi)
 
     def replace(self, **changes: Any) -> Settings:
         """Return the settings with some values changed.
@@ -227,7 +238,7 @@ class Settings:
 class SettingsOptions(TypedDict, total=False):
     """The fields of `Settings` as keyword arguments, for editors and type checkers."""
 
-    window: float
+    window: float | Literal["auto"]
     step: int
     method: Method
     reference: Reference

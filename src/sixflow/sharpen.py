@@ -1,7 +1,7 @@
 """Sharpen: finer resolution of the same window, without the bias of the pattern.
 
-A window's affine fit answers a displacement of wave number k with M = exp(−k²σ²/2). Sharpening by n
-raises this to T = 1 − (1 − M)^(n+1) = Q M, with Q = Σ_j (1 − M)^j for j = 0 … n. But the fit weighs the
+A window's affine fit answers a displacement of wave number k with M = exp(−k²σ²/2). Sharpening raises
+this to T = Q M, polynomials in M that `engine.response` chooses. But the fit weighs the
 displacement with the texture that happens to lie in the window: its operator is M̃ = M + P, and P U,
 the pattern-induced bias, is different at every point and does not vanish with sharpening. In the
 gradients, it would even stay for ever: a gradient that contradicts the displacements around it leaves
@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from sixflow.engine.blend import blend_strip, twist_of
 from sixflow.engine.moments import affine_moments_strip
+from sixflow.engine.response import quotient
 from sixflow.engine.threads import over_strips
 from sixflow.engine.window import moment_weights
 from sixflow.grid import Grid
@@ -114,12 +115,14 @@ class UniformWindow:
         return fitted
 
     def deconvolve(self, maps: NDArray[Any], sharpen: int) -> NDArray[np.float64]:
-        """Q maps: Σ_j (1 − M)^j maps for j = 0 … sharpen."""
-        total = maps.astype(np.float64)
-        rest = total
-        for _ in range(sharpen):
-            rest = rest - self.fit(rest)
-            total = total + rest
+        """Q maps, by the Chebyshev polynomials' recurrence T*_{k+1} = 2 (2M − 1) T*_k − T*_{k−1}."""
+        first, *rest = quotient(sharpen)
+        before, here = maps, maps.astype(np.float64)
+        total = first * here
+        for k, coefficient in enumerate(rest):
+            after = 2 * self.fit(here) - here
+            before, here = here, after if k == 0 else 2 * after - before
+            total += coefficient * here
         return total
 
 

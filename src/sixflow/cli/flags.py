@@ -11,8 +11,9 @@ from typing import Annotated, Any, TypeAlias, get_args
 from cyclopts import Parameter, Token
 
 
-def number_reader(hint: Any) -> Callable[[Any, Sequence[Token]], int | float | None]:
-    """Return what reads a number as it is written: 41 as a whole number, also where fractions are allowed.
+def number_reader(hint: Any) -> Callable[[Any, Sequence[Token]], int | float | str | None]:
+    """Return what reads a number as it is written: 41 as a whole number, also where fractions are allowed; or a
+    word that the hint names.
 
     Settings from flags are then stored as those from a file or from Python are, and a fraction where a whole
     number is wanted is refused, not rounded.
@@ -20,7 +21,7 @@ def number_reader(hint: Any) -> Callable[[Any, Sequence[Token]], int | float | N
     Parameters
     ----------
     hint : type
-        int or float, or one of them or None.
+        int or float, or one of them or None or a literal.
 
     Returns
     -------
@@ -28,9 +29,12 @@ def number_reader(hint: Any) -> Callable[[Any, Sequence[Token]], int | float | N
         A converter of cyclopts. It raises ValueError if the word is no such number.
     """
     allowed = get_args(hint) or (hint,)
+    words = [word for one in allowed for word in get_args(one)]
 
-    def read(_: Any, tokens: Sequence[Token]) -> int | float | None:
+    def read(_: Any, tokens: Sequence[Token]) -> int | float | str | None:
         text = tokens[0].value
+        if text.lower() in words:
+            return text.lower()
         if NoneType in allowed and text.lower() == "none":
             return None
         with contextlib.suppress(ValueError):

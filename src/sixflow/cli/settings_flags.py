@@ -52,7 +52,7 @@ def _is_number(hint: Any) -> bool:
 
 def _flags(title: str, names: tuple[str, ...] | None = None) -> Any:
     """Return a typed dictionary whose keys are the settings, or those of them that are named."""
-    hints, texts = get_type_hints(Settings), settings_help()
+    hints, texts = get_type_hints(SettingsOptions), settings_help()
     group = Group.create_ordered(title)
     keys = {
         field.name: Annotated[

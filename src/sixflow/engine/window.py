@@ -10,10 +10,12 @@ conditioned.
 from __future__ import annotations
 
 import math
-from typing import Any
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sixflow.engine.response import powers, response
 
 CUT = 3.5
 
@@ -38,31 +40,33 @@ def moment_weights(sigma: float, *, power: int = 1) -> NDArray[np.float64]:
 def attenuation_period(sigma: float, sharpen: int = 0, attenuation: float = 0.1) -> float:
     """Period of a sine displacement, px, that a measurement attenuates by `attenuation`.
 
-    One window responds to the wave number k by M = exp(−k²σ²/2), n sharpening passes by 1 − (1 − M)^(n+1).
+    One window responds to the wave number k by M = exp(−k²σ²/2), a sharpened one by `response.response`.
 
     Examples
     --------
     >>> round(attenuation_period(window_sigma(31)), 1)
     119.7
     """
-    response = 1 - attenuation ** (1 / (sharpen + 1))
-    return 2 * math.pi * sigma / math.sqrt(-2 * math.log(response))
+    low, high = 0.0, 1.0
+    while high - low > 1e-12:
+        middle = (low + high) / 2
+        low, high = (middle, high) if response(middle, sharpen) < 1 - attenuation else (low, middle)
+    return 2 * math.pi * sigma / math.sqrt(-2 * math.log(high))
 
 
+@cache
 def sharpening_noise(sharpen: int) -> tuple[float, float]:
-    """Factors by which n sharpening passes raise the noise of displacement and of gradients.
+    """Factors by which sharpening changes the noise of displacement and of gradients.
 
-    √(2∫[1−(1−e^−x)^(n+1)]² dx) and √(4∫x[1−(1−e^−x)^(n+1)]² dx) over x from 0 to ∞: white noise through
-    the response of `attenuation_period`, relative to that of one window.
+    √(2∫T² dx) and √(4∫x T² dx) over x from 0 to ∞, T(e^−x): white noise through the response of
+    `attenuation_period`, relative to that of one window. Less than 1 where the smoother response of one window
+    lets more pass than the sharpened.
 
     Examples
     --------
     >>> [round(factor, 2) for factor in sharpening_noise(2)]
-    [1.56, 1.98]
+    [1.26, 1.17]
     """
-    x = np.linspace(0, 60, 60001)
-    response: NDArray[Any] = 1 - (1 - np.exp(-x)) ** (sharpen + 1)
-    return (
-        math.sqrt(2 * float(np.trapezoid(response**2, x))),
-        math.sqrt(4 * float(np.trapezoid(x * response**2, x))),
-    )
+    power = np.convolve(powers(sharpen), powers(sharpen))[2:]
+    order = np.arange(2, len(power) + 2)  # ∫ e^−mx dx = 1/m, ∫ x e^−mx dx = 1/m²
+    return math.sqrt(2 * float((power / order).sum())), math.sqrt(4 * float((power / order**2).sum()))

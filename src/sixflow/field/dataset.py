@@ -7,6 +7,7 @@
 | covariance | time, y, x, param, param2 | px², px, 1 | covariance of the six, in the order of `param` |
 | residual | time, y, x | 1 | zero-normalised residual: rms difference of the matched windows / rms contrast |
 | noise | time, y, x | grey | standard deviation of one frame's noise, from the residual |
+| resolution | time, y, x | px | period of a sine displacement that the point attenuates by 10 % |
 | flag | time, y, x | – | CF flag_masks, `FLAGS` |
 | body | time, y, x | – | number of the body in the mask, 0 where masked; where there are several, or moving masks |
 | frame0, frame1 | time | – | numbers of the reference and the moved frame |
@@ -37,6 +38,7 @@ _LONG_NAMES = {
     "shear": ("engineering shear u_y + v_x", "1"),
     "residual": ("zero-normalised residual", "1"),
     "noise": ("standard deviation of one frame's noise", "grey"),
+    "resolution": ("period of a sine displacement that is attenuated by 10 %", "px"),
 }
 
 Array: TypeAlias = NDArray[Any]
@@ -48,6 +50,7 @@ def build_field(
     covariance: Array,
     residual: Array,
     noise: Array,
+    resolution: Array | None = None,
     flag: Array,
     x: Array,
     y: Array,
@@ -64,7 +67,7 @@ def build_field(
     six : array, shape (time, y, x, 6)
         The six numbers in the order of `SIX`; NaN where the point failed.
     covariance : array, shape (time, y, x, 6, 6)
-    residual, noise : array, shape (time, y, x)
+    residual, noise, resolution : array, shape (time, y, x)
     flag : uint8 array, shape (time, y, x)
     x, y : int arrays
         Pixel coordinates of the grid columns and rows.
@@ -87,7 +90,9 @@ def build_field(
         covariance,
         {"long_name": "covariance of the six numbers", "units": "product of the units of param and param2"},
     )
-    for name, values in (("residual", residual), ("noise", noise)):
+    for name, values in (("residual", residual), ("noise", noise), ("resolution", resolution)):
+        if values is None:
+            continue
         variables[name] = (grid, values, {"long_name": _LONG_NAMES[name][0], "units": _LONG_NAMES[name][1]})
     variables["flag"] = (
         grid,

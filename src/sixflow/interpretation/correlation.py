@@ -12,8 +12,8 @@ and with d = q − p
     ⟨u_p u_q⟩ ∝ c,             ⟨u_p u_x,q⟩ ∝ ∂_x c,        ⟨u_x,p u_q⟩ ∝ −∂_x c,
     ⟨u_x,p u_x,q⟩ ∝ −∂²_xx c,   ⟨u_x,p u_y,q⟩ ∝ −∂²_xy c.
 
-n sharpening passes answer a wave number by 1 − (1 − M)^(n+1) = Σ_j a_j M^j, M the response of one window, so that c is
-then a sum of Gaussians,
+A sharpened window answers a wave number by T = Σ_j a_j M^j (`engine.response`), M the response of one window, so that
+c is then a sum of Gaussians,
 
     c(d) = Σ_m b_m exp(−|d|²/2mσ²),     b_m ∝ (Σ_{j+l=m} a_j a_l)/m,     Σ b_m = 1.
 
@@ -34,6 +34,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.engine.response import powers
+
 Array = NDArray[Any]
 
 _DERIVATIVES = ((0, 0), (1, 0), (0, 1))  # orders in x and y of u, u_x, u_y
@@ -48,8 +50,7 @@ class _Gaussians(NamedTuple):
 
 @functools.cache
 def _autocorrelation(sharpen: int) -> _Gaussians:
-    response = np.array([0.0, *((-1) ** (j + 1) * math.comb(sharpen + 1, j) for j in range(1, sharpen + 2))])
-    power = np.convolve(response, response)
+    power = np.convolve(powers(sharpen), powers(sharpen))
     m = np.arange(2, len(power))
     weights = power[2:] / m
     return _Gaussians(m.astype(float), weights / weights.sum())

@@ -24,6 +24,7 @@ from sixflow.field.selection import (
     valid,
 )
 from sixflow.interpretation.correlation import Correlation
+from sixflow.resolution import SHARPEN
 from sixflow.scenes._checks import numbers
 
 Array = NDArray[Any]
@@ -136,6 +137,8 @@ def select_points(field: xr.Dataset, region: Any, time: int, border: bool) -> Po
 def _window(field: xr.Dataset) -> tuple[float, int]:
     settings = stored_settings(field)
     window, sharpen = settings.get("window"), settings.get("sharpen", 0)
+    if window == "auto":  # one window for all, the median
+        window, sharpen = field.attrs.get("effective_window"), sharpen or SHARPEN
     if not isinstance(window, int | float) or not window > 0 or not isinstance(sharpen, int) or sharpen < 0:
         raise InputError(
             f"attribute settings: window={window!r}, sharpen={sharpen!r}; the window tells how errors are correlated; "

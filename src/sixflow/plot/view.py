@@ -147,12 +147,18 @@ class View:
             error = derived_error(self.pair, name) if "covariance" in self.pair else None
             quantity = _quantity(self.pair[name], error, signed=True)
             return quantity if name in ("u", "v") else quantity._replace(unit="px/px")
-        if name in ("residual", "noise") and name in self.pair:
+        if name in ("residual", "noise", "resolution") and name in self.pair:
             return _quantity(self.pair[name], None, signed=False)
         if name in DERIVED and not DERIVED[name].dims:
             error = derived_error(self.pair, name, self.interval) if "covariance" in self.pair else None
             return _quantity(derive(self.pair, name, self.interval), error, signed=DERIVED[name].signed)
-        choices = [*SIX, "residual", "noise", *(key for key, recipe in DERIVED.items() if not recipe.dims)]
+        choices = [
+            *SIX,
+            "residual",
+            "noise",
+            "resolution",
+            *(key for key, recipe in DERIVED.items() if not recipe.dims),
+        ]
         raise InputError(f"name={name!r}: there is no such number to draw; there are {', '.join(choices)}")
 
     def dress(self, ax: Axes, title: str) -> None:

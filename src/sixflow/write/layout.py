@@ -31,7 +31,7 @@ def checked_field(field: xr.Dataset) -> xr.Dataset:
 
 def in_order(field: xr.Dataset) -> xr.Dataset:
     """Return the field with its variables in the usual order, which stores do not keep; others come last."""
-    known = (*SIX, "covariance", "residual", "noise", "flag")
+    known = (*SIX, "covariance", "residual", "noise", "resolution", "flag")
     others = sorted(str(name) for name in field.data_vars if name not in known)
     return field[[name for name in known if name in field.data_vars] + others]
 
