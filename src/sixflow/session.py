@@ -19,15 +19,14 @@ from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.engine.window import attenuation_period
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
-from sixflow.field.flags import FLAGS
 from sixflow.grid import Grid
 from sixflow.method import passes_of
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
-from sixflow.passes import Passes, Quality, Workspace
+from sixflow.passes import Passes, Workspace
 from sixflow.refine import refine
-from sixflow.rescue import FAILED, rescue
 from sixflow.restriction import ABSENT
-from sixflow.search import search
+from sixflow.search.growth import Judged, Scene
+from sixflow.search.stage import find_motion
 from sixflow.settings import Settings
 from sixflow.validate import flag_points
 from sixflow.version import __version__
@@ -69,6 +68,7 @@ class Session:
         self.workspace = Workspace()
         self.shape: tuple[int, int] | None = None
         self.constant, self.scale = 0.0, 1.0
+        self.guess: NDArray[np.float64] | None = None
 
     def prepare(self, raw: ArrayLike, name: str) -> Prepared:
         """Check and normalise one frame."""
@@ -131,15 +131,10 @@ class Session:
                     "mask is True only where frame 0 has no value (NaN or infinite): nothing is left to measure"
                 )
         passes = passes_of(settings)(region, moved.frame, grid, settings, self.workspace)
-        maps, quality, flag = self._refined(
-            passes, search(region, moved.frame, grid, settings, self.workspace), region
+        scene = Scene(
+            region, moved.frame, grid, settings.window, lambda start: self._refined(passes, start, region)
         )
-        if settings.search == "auto" and _share_failed(flag) > FAILED:
-            start = rescue(region, moved.frame, grid, settings)
-            if start is not None:
-                again = self._refined(passes, start, region)
-                if _share_failed(again[2]) < _share_failed(flag):
-                    maps, quality, flag = again
+        maps, quality, flag = find_motion(scene, settings, self.workspace, self.guess)
         failed = (flag & FAILING).astype(bool)
         six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, maps, axes=1), 0, -1)
         six[..., ABSENT.get(settings.group, ())] *= 0.0  # by assumption, not by rounding; NaN stays NaN
@@ -167,13 +162,11 @@ class Session:
             **measured, flag=flag, numbers=numbers, digest=digest.hexdigest()[:16], notes=notes, memory=memory
         )
 
-    def _refined(
-        self, passes: Passes, start: NDArray[Any], region: Frame
-    ) -> tuple[NDArray[Any], Quality, NDArray[np.uint8]]:
-        """Refine a start and judge it: maps, quality and flags."""
+    def _refined(self, passes: Passes, start: NDArray[Any], region: Frame) -> Judged:
+        """Refine a start and judge it."""
         maps, quality, left = refine(passes, start)
         flag = flag_points(passes.dense(maps), quality, left, self.grid, region, self.settings)
-        return maps, quality, flag
+        return Judged(maps, quality, flag)
 
     def field(self, result: PairResult, time: Sequence[float], unit: str) -> xr.Dataset:
         """Return the dataset of one pair."""
@@ -202,12 +195,6 @@ class Session:
             frame_numbers=[result.numbers],
             attrs=attrs,
         )
-
-
-def _share_failed(flag: NDArray[np.uint8]) -> float:
-    """Share of the points that are not masked and failed."""
-    asked = (flag & FLAGS["masked"]) == 0
-    return float(((flag & FAILING) != 0)[asked].mean()) if asked.any() else 0.0
 
 
 def _check_mask(mask: ArrayLike) -> NDArray[np.uint8]:
