@@ -124,6 +124,15 @@ def differentiate(image, axis):
     return np.moveaxis(out, -1, axis)
 
 
+def in_moved_axes(gx, gy, u, v, plane):
+    """F⁻ᵀ g, F by differences of the dense displacement, which is less the plane; g where F folds."""
+    (u_y, u_x), (v_y, v_x) = np.gradient(u), np.gradient(v)
+    F = np.array([[1 + plane[2] + u_x, plane[3] + u_y], [plane[4] + v_x, 1 + plane[5] + v_y]])
+    F = np.moveaxis(F, (0, 1), (-2, -1))
+    F = np.where((np.linalg.det(F) > 0.05)[..., None, None], F, np.eye(2))
+    return np.moveaxis(np.linalg.solve(np.swapaxes(F, -1, -2), np.stack([gx, gy], -1)[..., None])[..., 0], -1, 0)
+
+
 def warp(reference, moved, maps, grid, plane, degree, total, noise, *, valid0=None, valid1=None, light=None):
     """Gradient, right-hand side, residual and warped frame of one pass; `maps` are less the plane.
 
@@ -147,7 +156,7 @@ def warp(reference, moved, maps, grid, plane, degree, total, noise, *, valid0=No
     mean = np.where(np.isfinite(r), (reference + lit) / 2, reference)
     if valid0 is not None:
         mean, r = np.where(valid0, mean, lit), np.where(valid0, r, np.nan)
-    gx, gy = differentiate(mean, 1), differentiate(mean, 0)
+    gx, gy = in_moved_axes(differentiate(mean, 1), differentiate(mean, 0), u, v, plane)
     r = np.where(np.isfinite(gx) & np.isfinite(gy), r, np.nan)
     known = np.isfinite(r)
     q = (gx * u + gy * v if total else 0) - r

@@ -11,7 +11,7 @@ from sixflow.grid import Grid
 from sixflow.normalise import NO_MASK, Frame
 from sixflow.passes import Passes, Workspace
 from sixflow.refine import refine
-from sixflow.search import finer, level_count, search
+from sixflow.search.pyramid import finer, level_count, pyramid
 from sixflow.settings import Settings
 from sixflow.sharpen import UniformWindow
 from sixflow.synth import Affine, Sensor, Speckle, pair
@@ -85,7 +85,7 @@ def test_the_start_is_within_reach():
     made = pair(Speckle(seed=2), Affine.rotation(0.08, (127, 127)), (256, 256))
     grid, settings = Grid.over((256, 256), 8), Settings()
     reference, moved = frames_of(made)
-    start = search(reference, moved, grid, settings, Workspace())
+    start = pyramid(reference, moved, grid, settings, Workspace())
     assert start.shape == (6, *grid.shape)
     assert np.isfinite(start).all()
     error = np.hypot(*(start - true_maps(made, grid))[:2])
@@ -95,7 +95,7 @@ def test_the_start_is_within_reach():
 def test_search_of_nothing_is_no_motion():
     flat = Frame(np.zeros((128, 128), np.float32), NO_MASK)
     grid = Grid.over((128, 128), 8)
-    np.testing.assert_array_equal(search(flat, flat, grid, Settings(), Workspace()), 0)
+    np.testing.assert_array_equal(pyramid(flat, flat, grid, Settings(), Workspace()), 0)
 
 
 @pytest.mark.parametrize("levels", [0, 1, 4, 8, 12])

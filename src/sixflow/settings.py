@@ -17,7 +17,7 @@ from sixflow.errors import InputError
 Interpolation = Literal["cubic", "quintic"]
 Lighting = Literal["auto", "none", "gain+offset", "local"]
 Group = Literal["affine", "similarity", "euclidean", "translation"]
-Search = Literal["auto", "pyramid"]
+Search = Literal["auto", "pyramid", "spectrum", "guess"]
 Method = Literal["least_squares", "eigenfilter"]
 Reference = Literal["first", "middle", "second"]
 Window: TypeAlias = Any

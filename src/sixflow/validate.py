@@ -150,6 +150,7 @@ def fill_failed(maps: NDArray[Any], step: int) -> NDArray[Any]:
     filled = np.where(failed, 0, maps)
     known = ~failed
     rows, columns = failed.shape
+    usual = np.median(maps[2:, known], axis=1)[:, None]
     while not known.all():
         total = np.zeros_like(filled)
         count = np.zeros(failed.shape)
@@ -169,7 +170,8 @@ def fill_failed(maps: NDArray[Any], step: int) -> NDArray[Any]:
                 count[here] += use
         reached = ~known & (count > 0)
         filled[:, reached] = total[:, reached] / count[reached]
-        filled[2:, reached] *= 0.8  # let a guessed gradient fade with distance
+        # let what is special in a guessed gradient fade with distance
+        filled[2:, reached] = usual + 0.8 * (filled[2:, reached] - usual)
         known |= reached
     return filled
 

@@ -2,9 +2,13 @@
 
 For every pixel x, with the dense displacement U (`blend`) and the moved frame's spline S₁ (`spline`)
 
-    r = S₁(x + U) − I₀(x)                          residual (g_x, g_y) = D ½(I₀ + S₁(x + U))
-    gradient of the mean of the two frames, 8th-order differences D q = g·U' − r
-    right-hand side of the total form (q = −r in increment form)
+    r = S₁(x + U) − I₀(x)                    residual
+    (g_x, g_y) = F⁻ᵀ D ½(I₀ + S₁(x + U))     gradient of the mean of the two frames, 8th-order differences D
+    q = g·U' − r                             right-hand side of the total form (q = −r in increment form)
+
+F = I + ∂U/∂x: a displacement is counted along the axes of the moved frame, in which ∇S₁ = F⁻ᵀ ∇[S₁(x + U)]. A turn by more
+than a right angle would otherwise make every pass go the wrong way. F is taken from differences of U from pixel to
+pixel; where it folds the plane (det F < 0.05) it is left out.
 
 U' is U less one plane over the whole frame, subtracted from all maps before and added to the solution
 after: exact in exact arithmetic, and it keeps large displacements out of single-precision sums. D acts
@@ -12,7 +16,8 @@ on the *sampled* mean frame: noise that is stationary is uncorrelated with its o
 difference, so that noise does not bias the solution.
 
 Seen from the middle (`reference="middle"`) both frames are brought there by half: S₀(x − U/2) takes the place of
-I₀(x), and S₁(x + U/2) that of S₁(x + U); the right-hand side still holds the whole U.
+I₀(x), and S₁(x + U/2) that of S₁(x + U); the right-hand side still holds the whole U, and the axes of the middle
+are those of both frames to first order: no F⁻ᵀ.
 
 A pixel that has no partner (outside the moved frame, masked) gets g = 0 and a NaN residual: its weight
 is missing.
@@ -40,6 +45,7 @@ DERIVATIVE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 HALO = len(DERIVATIVE)
 _D1, _D2, _D3, _D4 = DERIVATIVE
 _PAD = PAD
+_LEAST_AREA = 0.05  # of det F
 
 
 @kernel
@@ -329,6 +335,31 @@ def bring_strip(
 
 
 @kernel
+def _moved_axes_row(
+    before: NDArray[Any], here: NDArray[Any], after: NDArray[Any], apart: int, plane: NDArray[Any],
+    target_x: NDArray[Any], target_y: NDArray[Any],
+) -> None:  # fmt: skip
+    """Multiply the gradients of a row by F⁻ᵀ, from its dense displacement (less the plane) and those of the rows
+    beside it, `apart` rows from each other.
+    """
+    width = target_x.size
+    one, half, least = plane.dtype.type(1), plane.dtype.type(0.5), plane.dtype.type(_LEAST_AREA)
+    down = one / plane.dtype.type(max(apart, 1))
+    a, b, c, d = one + plane[2], plane[3], plane[4], one + plane[5]
+    u, v, u0, v0, u1, v1 = here[0], here[1], before[0], before[1], after[0], after[1]
+    for x in range(width):
+        left, right = max(x - 1, 0), min(x + 1, width - 1)
+        across = half if right - left == 2 else one
+        F_xx, F_yx = a + (u[right] - u[left]) * across, c + (v[right] - v[left]) * across
+        F_xy, F_yy = b + (u1[x] - u0[x]) * down, d + (v1[x] - v0[x]) * down
+        area = F_xx * F_yy - F_xy * F_yx
+        g_x, g_y = target_x[x], target_y[x]
+        if area > least:
+            target_x[x] = (F_yy * g_x - F_yx * g_y) / area
+            target_y[x] = (F_xx * g_y - F_xy * g_x) / area
+
+
+@kernel
 def warp_strip(
     reference: NDArray[Any],
     coefficients: NDArray[Any],
@@ -421,6 +452,9 @@ def warp_strip(
         k = y - low
         target_x, target_y, target = gradient_x[y], gradient_y[y], right[y]
         _gradient_row(mean, low, y, height, target_x, target_y)
+        if whole == 1:
+            above, below = max(k - 1, 0), min(k + 1, high - low - 1)
+            _moved_axes_row(dense[above], dense[k], dense[below], below - above, plane, target_x, target_y)
         u, v, r = dense[k, 0], dense[k, 1], difference[k]
         if reference_valid.size:  # a gradient that would need a pixel without a partner beside a masked one
             for x in range(width):

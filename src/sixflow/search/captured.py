@@ -1,9 +1,8 @@
-"""Rescue: a start for motions that coarse to fine does not find.
+"""Captured: one affine map from the maps that single points find by themselves.
 
-Halved frames show large shifts, but no large rotation or zoom, and nothing of a fine pattern. Where most points fail,
-the map about a few points near the middle is captured by itself (`sixflow.eigenfilters.capture`), and what most of
-these maps agree upon, one affine map, is a new start for all; it is kept if fewer points fail with it. The frames are
-halved, once or twice, where that is not found at full size.
+Where the spectra tell nothing, the map about a few points near the middle is captured at one scale
+(`sixflow.eigenfilters.capture`), and what most of these maps agree upon, one affine map, is a start for all. The frames
+are halved, once or twice, where that is not found at full size.
 """
 
 from __future__ import annotations
@@ -12,35 +11,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.convention.six import GRADIENT_FROM_SIX
-from sixflow.grid import Grid
 from sixflow.normalise import Frame
-from sixflow.settings import Settings
 
-FAILED = 0.5  # share of points that have to fail before a rescue is tried
 _LEVELS = 3
 _SLACK = 2.0, 0.05  # px, and share of the distance, that agreeing maps may differ by
 
 
-def rescue(reference: Frame, moved: Frame, grid: Grid, settings: Settings) -> NDArray[np.float64] | None:
+def captured_plane(reference: Frame, moved: Frame, window: float) -> NDArray[np.float64] | None:
     """Find one affine map that several points of the frame agree upon.
 
     Parameters
     ----------
     reference, moved : Frame
         At full resolution.
-    grid : Grid
-        Where the start is wanted.
+    window : float
+        px; frames smaller than it, and windows below 10 or above 400, are not asked.
 
     Returns
     -------
-    float64 array, shape (6, rows, columns), or None
-        u, v, u_x, u_y, v_x, v_y at the grid points; None if too few points agree.
+    float64 array, shape (6,), or None
+        u, v, u_x, u_y, v_x, v_y about pixel (0, 0); None if no point finds a map that is to be believed.
     """
     for level in range(_LEVELS):
-        plane = _captured(reference.level(level), moved.level(level), settings.window)
+        plane = _captured(reference.level(level), moved.level(level), window)
         if plane is not None:
             plane[:2] *= 2**level
-            return grid.plane(plane)
+            return plane
     return None
 
 

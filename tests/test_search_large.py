@@ -5,7 +5,7 @@ import pytest
 
 import measured
 from sixflow import InputError, Settings, measure
-from sixflow.rescue import rescue
+from sixflow.search.captured import captured_plane
 from sixflow.synth import Affine, Sensor, pair
 
 SIDE = 193
@@ -52,8 +52,8 @@ def test_masked_points_are_not_asked():
     session = Session(Settings(), None)
     frames = [session.prepare(frame, "frame").frame for frame in (found.frame0, found.frame1)]
     everywhere = np.zeros((SIDE, SIDE), np.uint8)
-    assert rescue(frames[0].within(everywhere), frames[1], session.grid, Settings()) is None
-    assert rescue(*frames, session.grid, Settings(window=8)) is None
+    assert captured_plane(frames[0].within(everywhere), frames[1], 31) is None
+    assert captured_plane(*frames, 8) is None
 
 
 def test_unknown_search():
