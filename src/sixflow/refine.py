@@ -11,6 +11,7 @@ from sixflow.passes import Passes, Quality
 from sixflow.sharpen import sharpen
 from sixflow.validate import settle, typical
 
+NEAR = 0.2  # px: residuals of points so close to where they end tell foreign pixels
 EXPLAINED = 0.01  # share of the residual's power that a last pass may still take out
 
 
@@ -32,11 +33,14 @@ def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, 
     """
     settings, step = passes.settings, passes.grid.step
     maps, left = start, np.full(passes.grid.shape, np.inf)
+    passes.begin()
     for k in range(settings.passes):
         filled = settle(passes.dense(maps), step, settings.window) if k else maps
         maps = passes.solve(filled)
         update = np.hypot(maps[0] - filled[0], maps[1] - filled[1])
         left = update * passes.contraction()
+        if (k or typical(update) < NEAR) and passes.distrust():
+            continue
         if typical(left) < settings.tolerance and passes.explained() < EXPLAINED:
             break
     if settings.sharpen:

@@ -16,6 +16,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.convention import SIX_FROM_GRADIENT
+from sixflow.defects import without_defects
 from sixflow.engine.window import attenuation_period
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
@@ -130,12 +131,15 @@ class Session:
                 raise InputError(
                     "mask is True only where frame 0 has no value (NaN or infinite): nothing is left to measure"
                 )
-        passes = passes_of(settings)(region, moved.frame, grid, settings, self.workspace)
+        dead, moving = 0, moved.frame
+        if settings.robust:
+            region, moving, dead = without_defects(region, moving)
+        passes = passes_of(settings)(region, moving, grid, settings, self.workspace)
         maps, quality, flag = self._refined(
-            passes, search(region, moved.frame, grid, settings, self.workspace), region
+            passes, search(region, moving, grid, settings, self.workspace), region
         )
         if settings.search == "auto" and _share_failed(flag) > FAILED:
-            start = rescue(region, moved.frame, grid, settings)
+            start = rescue(region, moving, grid, settings)
             if start is not None:
                 again = self._refined(passes, start, region)
                 if _share_failed(again[2]) < _share_failed(flag):
@@ -163,6 +167,8 @@ class Session:
             + sum(m.nbytes for m in measured.values())
         )
         notes = (*reference.notes, *moved.notes, *_lighting_notes(reference, moved, numbers, settings))
+        if dead:
+            notes += (f"frames {numbers[0]} and {numbers[1]}: {dead} dead or hot pixels were replaced",)
         return PairResult(
             **measured, flag=flag, numbers=numbers, digest=digest.hexdigest()[:16], notes=notes, memory=memory
         )

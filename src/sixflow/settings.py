@@ -46,6 +46,10 @@ class Settings:
     lighting : {"none", "gain+offset", "local"}
         What may change in the light between the frames: nothing; gain and offset of each window (the
         zero-normalised criterion); or the local mean and contrast, divided out of each frame beforehand.
+    robust : bool
+        Give little weight to pixels whose residual is far beyond what noise explains: unmatched particles,
+        glints, dead pixels. It changes nothing where there are none. Of `method="eigenfilter"`, it
+        replaces dead pixels alone.
     search : {"auto", "pyramid"}
         How large motion is found: from coarse to fine, and where most points fail so, by capturing the
         map about a few points (turns to 30° or more, zooms by a third; some seconds); or from coarse to
@@ -89,6 +93,7 @@ class Settings:
     sharpen: int = 0
     interpolation: Interpolation = "quintic"
     lighting: Lighting = "none"
+    robust: bool = True
     search: Search = "auto"
     levels: int | None = None
     passes: int = 8
@@ -140,7 +145,9 @@ class Settings:
             self.tolerance,
             "must be a positive number of pixels, such as 0.005",
         )
-        _require(isinstance(self.float64, bool), "float64", self.float64, "must be True or False")
+        for name in ("float64", "robust"):
+            value = getattr(self, name)
+            _require(isinstance(value, bool), name, value, "must be True or False")
         for name in ("pixel_size", "frame_interval"):
             value = getattr(self, name)
             _require(
@@ -226,6 +233,7 @@ class SettingsOptions(TypedDict, total=False):
     sharpen: int
     interpolation: Interpolation
     lighting: Lighting
+    robust: bool
     search: Search
     levels: int | None
     passes: int

@@ -216,7 +216,7 @@ def flag_points(
         outside = ~((x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1))
         unknown = np.isnan(maps).any(axis=0)
         measurable = (quality.texture > quality.minimum_texture) & (error < MAXIMUM_ERROR)
-        flag[quality.weight < COMPLETE_WEIGHT] |= FLAGS["border"]
+        flag[(quality.weight if quality.partner is None else quality.partner) < COMPLETE_WEIGHT] |= FLAGS["border"]
         flag[unknown | ~measurable] |= FLAGS["low_texture"]
         unlike = quality.residual > np.where(measurable, MAXIMUM_RESIDUAL, SUSPECT_RESIDUAL)
         gone = (outside & ~unknown) | (quality.weight < MINIMUM_WEIGHT) | unlike
