@@ -6,7 +6,8 @@ itself, in both frames at the same place, by the same sign, is of the sensor. Wi
     B = the least of the four differences p − ½(a + b) to opposite neighbours a, b, if all have one sign, else 0,
     A = p − median of the neighbours,
 
-a pixel is defective where, in both frames, |B| > 4 q with q the 90 % quantile of |B|, and |B| > 0.8 |A|. The image of a
+a pixel is defective where, in both frames, |B| > 4 q with q the 90 % quantile of |B|, |B| exceeds half the standard
+deviation of the frame, and |B| > 0.8 |A|. The image of a
 particle of e⁻² diameter d has B = (1 − exp(−8/d²))A at its peak: those of 2.2 px and more are never taken for defects,
 even when they stand still.
 
@@ -26,7 +27,7 @@ from sixflow.engine.compiler import kernel
 from sixflow.engine.threads import over_strips
 from sixflow.normalise import Frame
 
-STANDS_OUT, ALONE = 4.0, 0.8
+STANDS_OUT, OF_CONTRAST, ALONE = 4.0, 0.5, 0.8
 _SWEEPS, _REPAIR_SWEEPS = 2, 8
 _STRIP = 64
 
@@ -64,10 +65,10 @@ def defects(image0: NDArray[Any], image1: NDArray[Any]) -> NDArray[np.int64]:
     """Rows and columns of the defective pixels of a pair; shape (2, pixels)."""
     spikes = lone(image0), lone(image1)
     found = spikes[0] * spikes[1] > 0
-    for spike in spikes:
+    for spike, image in zip(spikes, (image0, image1), strict=True):
         size = np.abs(spike)
         level = float(np.quantile(size[::4, ::4], 0.9))
-        found &= size > STANDS_OUT * level
+        found &= size > max(STANDS_OUT * level, OF_CONTRAST * float(image[::4, ::4].std()))
     y, x = np.nonzero(found)
     for image, spike in zip((image0, image1), spikes, strict=True):
         around = np.stack([image[y + j, x + i] for j in (-1, 0, 1) for i in (-1, 0, 1) if (j, i) != (0, 0)])

@@ -45,6 +45,7 @@ from sixflow.validate import MINIMUM_TEXTURE, MINIMUM_WEIGHT
 STRIP = 64
 GRID_STRIP = 16
 CONTRACTION = 0.05  # what a pass leaves of the distance to its fixed point, at least (measured: 0.01 to 0.03)
+WEIGHED_CONTRACTION = 0.4  # the same where weights change from pass to pass
 LONG_TAIL = 1.3  # mean square residual over that of a Gaussian of the same mean size: foreign pixels (noise: ± 0.03)
 TRUSTED_RESIDUAL = 0.6  # zero-normalised (correlation 0.82), for a start that finer levels build upon
 
@@ -88,7 +89,9 @@ class Quality:
     minimum_texture : float
         Texture below which the covariance is not to be trusted.
     partner : array, shape (rows, columns), or None
-        As `weight`, with the pixels that were left out as foreign; None where that is `weight`.
+        As `weight`, with the pixels that were left out as foreign; None where no pixels were weighed.
+    foreign, foreign_centre : array, shape (rows, columns), or None
+        Share of the window's weight, and of that of a window of half the size, that foreign pixels lost.
     """
 
     covariance: NDArray[Any]
@@ -98,6 +101,8 @@ class Quality:
     noise: NDArray[Any]
     minimum_texture: float = MINIMUM_TEXTURE
     partner: NDArray[Any] | None = None
+    foreign: NDArray[Any] | None = None
+    foreign_centre: NDArray[Any] | None = None
 
 
 class Passes:
@@ -300,7 +305,7 @@ class Passes:
         rho = self._seen().rho
         with np.errstate(invalid="ignore", divide="ignore"):
             noise_share = np.where(rho >= 0, rho / (1 + rho), 1.0)
-        rate = np.clip(noise_share, CONTRACTION, 0.9)
+        rate = np.clip(noise_share, WEIGHED_CONTRACTION if self.robust else CONTRACTION, 0.9)
         return rate / (1 - rate)
 
     def counted(self) -> NDArray[np.bool_]:
@@ -318,9 +323,27 @@ class Passes:
         seen = self._seen()
         transform = _six_from_unknowns(self.settings.sigma, sharpened)
         covariance = self._covariance(seen, transform)
-        return Quality(
+        quality = Quality(
             covariance, seen.texture, seen.weight, seen.residual, seen.noise, self.minimum_texture, self._partner
         )
+        if not self.robust:
+            return quality
+        centre = moment_weights(self.settings.sigma / 2).astype(self.dtype)
+        return dataclasses.replace(
+            quality, foreign=self._foreign(self.weights), foreign_centre=self._foreign(centre)
+        )
+
+    def _foreign(self, window: NDArray[Any]) -> NDArray[np.float64]:
+        """Share of a window's weight, as from `moment_weights`, that foreign pixels lost; shape (rows, columns)."""
+        out = self.workspace.array("statistics", (*self.grid.shape, 5), self.dtype)
+        weight = self.workspace.array("pixel_weight", self.reference.image.shape, self.dtype)
+        place = self.grid.origin_and_step
+        over_strips(
+            lambda start, stop: statistics_strip(weight, weight, window, place, start, stop, out),
+            self.grid.rows,
+            GRID_STRIP,
+        )
+        return np.asarray(1 - out[..., 1] / out[..., 0], dtype=np.float64)
 
     def _covariance(self, seen: Seen, transform: NDArray[np.float64]) -> NDArray[Any]:
         """Covariance of the six numbers, `transform` times the unknowns θ; shape (rows, columns, 6, 6)."""

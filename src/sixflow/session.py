@@ -42,7 +42,7 @@ class PairResult:
     covariance: NDArray[Any]
     residual: NDArray[Any]
     noise: NDArray[Any]
-    flag: NDArray[np.uint8]
+    flag: NDArray[np.uint16]
     numbers: tuple[int, int]
     digest: str
     notes: tuple[str, ...]
@@ -175,7 +175,7 @@ class Session:
 
     def _refined(
         self, passes: Passes, start: NDArray[Any], region: Frame
-    ) -> tuple[NDArray[Any], Quality, NDArray[np.uint8]]:
+    ) -> tuple[NDArray[Any], Quality, NDArray[np.uint16]]:
         """Refine a start and judge it: maps, quality and flags."""
         maps, quality, left = refine(passes, start)
         flag = flag_points(passes.dense(maps), quality, left, self.grid, region, self.settings)
@@ -210,7 +210,7 @@ class Session:
         )
 
 
-def _share_failed(flag: NDArray[np.uint8]) -> float:
+def _share_failed(flag: NDArray[np.uint16]) -> float:
     """Share of the points that are not masked and failed."""
     asked = (flag & FLAGS["masked"]) == 0
     return float(((flag & FAILING) != 0)[asked].mean()) if asked.any() else 0.0
