@@ -110,6 +110,29 @@ def disagreement(maps: NDArray[Any], variances: Array, step: int, period: float)
     return worst
 
 
+def curvature(maps: NDArray[Any], step: int, window: float) -> NDArray[np.float64]:
+    """By how much neighbours half a window away mispredict a point because the field is curved, px.
+
+    Their maps miss ½h² d''. The gradients of opposite neighbours differ by 2h d'': this is a quarter of h times
+    their difference, the largest over components and four directions.
+
+    Parameters
+    ----------
+    maps, step, window
+        As for `gradient_outliers`.
+
+    Returns
+    -------
+    array, shape (rows, columns), 0 where nothing could be asked
+    """
+    reach, most = max(1, round(window / 2 / step)), np.zeros(maps.shape[1:])
+    for di, dj in _DIRECTIONS:
+        change = shifted(maps[2:], di * reach, dj * reach) - shifted(maps[2:], -di * reach, -dj * reach)
+        for c in (0, 2):
+            most = np.fmax(most, np.abs(change[c] * di + change[c + 1] * dj) * reach * step / 4)
+    return most
+
+
 def at_edge(
     apart: NDArray[Any], foreign: NDArray[Any] | None, foreign_centre: NDArray[Any] | None
 ) -> NDArray[np.bool_]:

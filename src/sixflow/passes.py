@@ -34,7 +34,7 @@ from sixflow.engine.solve import (
 from sixflow.engine.spline import DEGREE, gradient_noise, noise_variance
 from sixflow.engine.threads import over_strips
 from sixflow.engine.warp import DERIVATIVE, warp_strip
-from sixflow.engine.weigh import NEGLIGIBLE, weigh
+from sixflow.engine.weigh import NEGLIGIBLE, weigh, weighing_noise, weight_slope
 from sixflow.engine.window import moment_weights, sharpening_noise
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
@@ -46,6 +46,7 @@ STRIP = 64
 GRID_STRIP = 16
 CONTRACTION = 0.05  # what a pass leaves of the distance to its fixed point, at least (measured: 0.01 to 0.03)
 WEIGHED_CONTRACTION = 0.4  # the same where weights change from pass to pass
+OF_CONTRAST = 0.02  # of the frame's contrast: a residual that no pixel is called foreign for is 3.5 times that
 LONG_TAIL = 1.3  # mean square residual over that of a Gaussian of the same mean size: foreign pixels (noise: ± 0.03)
 TRUSTED_RESIDUAL = 0.6  # zero-normalised (correlation 0.82), for a start that finer levels build upon
 
@@ -231,8 +232,8 @@ class Passes:
         """Take the weight of foreign pixels out of what the warp left in the workspace."""
         shape, array = self.reference.image.shape, self.workspace.array
         residual, weight = array("residual", shape, self.dtype), array("pixel_weight", shape, self.dtype)
-        rounding = float(np.finfo(self.dtype).eps) * float(np.abs(self.reference.image).max())
-        weigh(residual, *self._images(), array("raw_weight", shape, self.dtype), weight, 16 * rounding)
+        floor = OF_CONTRAST * float(self.reference.image[::4, ::4].std())
+        weigh(residual, *self._images(), array("raw_weight", shape, self.dtype), weight, floor)
 
     def begin(self) -> None:
         """Give all pixels their full weight again, for another start."""
@@ -323,27 +324,28 @@ class Passes:
         seen = self._seen()
         transform = _six_from_unknowns(self.settings.sigma, sharpened)
         covariance = self._covariance(seen, transform)
-        quality = Quality(
-            covariance, seen.texture, seen.weight, seen.residual, seen.noise, self.minimum_texture, self._partner
-        )
         if not self.robust:
-            return quality
-        centre = moment_weights(self.settings.sigma / 2).astype(self.dtype)
-        return dataclasses.replace(
-            quality, foreign=self._foreign(self.weights), foreign_centre=self._foreign(centre)
-        )
-
-    def _foreign(self, window: NDArray[Any]) -> NDArray[np.float64]:
-        """Share of a window's weight, as from `moment_weights`, that foreign pixels lost; shape (rows, columns)."""
-        out = self.workspace.array("statistics", (*self.grid.shape, 5), self.dtype)
+            return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise, self.minimum_texture)
         weight = self.workspace.array("pixel_weight", self.reference.image.shape, self.dtype)
+        raw = self.workspace.array("raw_weight", weight.shape, self.dtype)
+        kept = self._share(weight, self.weights)
+        covariance *= weighing_noise(kept, self._share(weight_slope(raw, weight), self.weights)).astype(self.dtype)
+        centre = moment_weights(self.settings.sigma / 2).astype(self.dtype)
+        return Quality(
+            covariance, seen.texture, seen.weight, seen.residual, seen.noise, self.minimum_texture,
+            self._partner, 1 - kept, 1 - self._share(weight, centre),
+        )  # fmt: skip
+
+    def _share(self, image: NDArray[Any], window: NDArray[Any]) -> NDArray[np.float64]:
+        """Window means of an image without NaN; `window` as from `moment_weights`; shape (rows, columns)."""
+        out = self.workspace.array("statistics", (*self.grid.shape, 5), self.dtype)
         place = self.grid.origin_and_step
         over_strips(
-            lambda start, stop: statistics_strip(weight, weight, window, place, start, stop, out),
+            lambda start, stop: statistics_strip(image, image, window, place, start, stop, out),
             self.grid.rows,
             GRID_STRIP,
         )
-        return np.asarray(1 - out[..., 1] / out[..., 0], dtype=np.float64)
+        return np.asarray(out[..., 3] / out[..., 0], dtype=np.float64)
 
     def _covariance(self, seen: Seen, transform: NDArray[np.float64]) -> NDArray[Any]:
         """Covariance of the six numbers, `transform` times the unknowns θ; shape (rows, columns, 6, 6)."""

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.consistency import at_edge, disagreement, gradient_outliers, gradient_variances, stands_out
+from sixflow.consistency import at_edge, curvature, disagreement, gradient_outliers, gradient_variances, stands_out
 from sixflow.engine.compiler import kernel
 from sixflow.engine.threads import over_strips
 from sixflow.engine.window import attenuation_period
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 LIMIT = 3.0
 FLOOR = 0.1  # px: disagreement that is never held against a point
+CURVED = 1.4  # times what a curved field makes neighbours mispredict is no contradiction
 
 MINIMUM_TEXTURE = 1.0  # gradient power in the weakest direction, over that of noise
 MAXIMUM_ERROR = 0.5  # px: a larger standard error is no measurement
@@ -229,6 +230,7 @@ def flag_points(
     masked = _masked(reference.valid, grid)
     trusted = np.where((flag & FAILING).astype(bool) | masked, np.nan, maps)
     floor = np.maximum(FLOOR, np.nan_to_num(error, nan=FLOOR))
+    floor += CURVED / LIMIT * curvature(trusted, grid.step, settings.window)
     flag[median_outliers(trusted, grid.step, settings.window, floor)] |= FLAGS["outlier"]
     _compare_with_neighbours(flag, np.where((flag & FAILING).astype(bool), np.nan, trusted), quality, grid, settings)
     flag[_unsupported((flag & FAILING).astype(bool) & ~masked, masked)] |= FLAGS["outlier"]

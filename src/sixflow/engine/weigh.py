@@ -17,6 +17,10 @@ Medians stand up to 40 % of foreign pixels. The second term is what keeps the fi
 the motion, steep pixels have large residuals, all of them, and none is an outlier. Of both scales the median
 over 5 × 5 tiles is taken, and it is interpolated between the tiles.
 
+The estimate is an M-estimate with ψ = ω r. Its covariance is the sandwich with Σ w ψ' J Jᵀ for bread, not Σ w ω J Jᵀ, and where ω
+falls ψ' is below ω by (2 t²)/(5² − 3.5²): pixels that are neither in nor out add noise. `weighing_noise` is the
+factor (mean ω / mean ψ')², which is 1 without foreign pixels.
+
 Weighting multiplies gradient, right-hand side and residual by √ω in place: the normal equations then have ω, the
 sandwich ω². A pixel with almost no weight has none, like one without a partner: NaN residual, g = 0.
 """
@@ -194,6 +198,18 @@ def apply_strip(
             r[x] *= root
 
 
+def weight_slope(raw: NDArray[Any], weight: NDArray[Any]) -> NDArray[Any]:
+    """r dω/dr of every pixel: 0 where ω is 0 or 1, or is that of a neighbour."""
+    span = NONE**2 - FULL**2
+    between = (weight >= NEGLIGIBLE) & (weight < 1) & (weight == raw)
+    return np.where(between, 2 * (weight - NONE**2 / span), 0).astype(weight.dtype)
+
+
+def weighing_noise(kept: NDArray[Any], slope: NDArray[Any]) -> NDArray[Any]:
+    """Factor of the covariance from window means of ω and r dω/dr, at most 9; shape (…, 1, 1)."""
+    return ((kept / np.maximum(kept + slope, kept / 3)) ** 2)[..., None, None]
+
+
 def usual(scales: NDArray[Any], floor: float) -> NDArray[Any]:
     """Median over 5 × 5 tiles, at least `floor` for the noise; unknown tiles take the median of all.
 
@@ -232,7 +248,7 @@ def weigh(
     weight : array, shape (height, width)
         Receives ω; 1 where a pixel has no partner.
     floor : float
-        Least standard deviation of the residual, grey: what rounding leaves.
+        Least standard deviation of the residual, grey: what rounding and interpolation may leave.
     """
     height, width = residual.shape
     scales = np.empty((2, -(-height // TILE), -(-width // TILE)))
