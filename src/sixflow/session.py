@@ -26,8 +26,10 @@ from sixflow.method import passes_of
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
 from sixflow.passes import Passes, Quality, Workspace
 from sixflow.refine import refine
+from sixflow.replace import predictions
 from sixflow.rescue import FAILED, rescue
 from sixflow.restriction import ABSENT
+from sixflow.roundtrip import no_return
 from sixflow.search import search
 from sixflow.settings import Settings
 from sixflow.validate import flag_points
@@ -36,7 +38,9 @@ from sixflow.version import __version__
 
 @dataclasses.dataclass(frozen=True)
 class PairResult:
-    """What was measured of one pair; arrays (rows, columns, …) as in `sixflow.field.dataset`, NaN at failed points."""
+    """What was measured of one pair; arrays (rows, columns, …) as in `sixflow.field.dataset`, NaN at failed points
+    that were not replaced.
+    """
 
     six: NDArray[Any]
     covariance: NDArray[Any]
@@ -144,6 +148,8 @@ class Session:
                 again = self._refined(passes, start, region)
                 if _share_failed(again[2]) < _share_failed(flag):
                     maps, quality, flag = again
+        if settings.forward_backward:
+            flag[self._does_not_return(region, moving, maps, quality, flag)] |= FLAGS["forward_backward"]
         failed = (flag & FAILING).astype(bool)
         six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, maps, axes=1), 0, -1)
         six[..., ABSENT.get(settings.group, ())] *= 0.0  # by assumption, not by rounding; NaN stays NaN
@@ -157,6 +163,8 @@ class Session:
             # noise is in grey levels, which may be of any size
             measured[name] = values if name == "noise" else values.astype(self.dtype, copy=False)
             measured[name][failed] = np.nan
+        if settings.replace_failed:
+            flag |= _replace(measured["six"], measured["covariance"], flag, grid, settings)
         digest = hashlib.sha256(
             reference.digest + moved.digest + (self.mask.tobytes() if self.mask is not None else b"")
         )
@@ -180,6 +188,24 @@ class Session:
         maps, quality, left = refine(passes, start)
         flag = flag_points(passes.dense(maps), quality, left, self.grid, region, self.settings)
         return maps, quality, flag
+
+    def _does_not_return(
+        self, region: Frame, moving: Frame, maps: NDArray[Any], quality: Quality, flag: NDArray[np.uint16]
+    ) -> NDArray[np.bool_]:
+        """Measure back from the moved frame, and find the points that do not return."""
+        settings, grid = self.settings, self.grid
+        passes = passes_of(settings)(moving, region, grid, settings, self.workspace)
+        back, back_quality, back_flag = self._refined(
+            passes, search(moving, region, grid, settings, self.workspace), moving
+        )
+        if settings.search == "auto" and _share_failed(back_flag) > FAILED:
+            start = rescue(moving, region, grid, settings)
+            if start is not None:
+                back, back_quality, back_flag = self._refined(passes, start, moving)
+        there, back = passes.dense(maps), passes.dense(back)
+        there = np.where((flag & FAILING) != 0, np.nan, there)
+        back = np.where((back_flag & FAILING) != 0, np.nan, back)
+        return no_return(there, back, quality.covariance, back_quality.covariance, grid)
 
     def field(self, result: PairResult, time: Sequence[float], unit: str) -> xr.Dataset:
         """Return the dataset of one pair."""
@@ -208,6 +234,19 @@ class Session:
             frame_numbers=[result.numbers],
             attrs=attrs,
         )
+
+
+def _replace(
+    six: NDArray[Any], covariance: NDArray[Any], flag: NDArray[np.uint16], grid: Grid, settings: Settings
+) -> NDArray[np.uint16]:
+    """Fill failed points of `six` and `covariance` in place from their neighbours; the flag bits that say so."""
+    wanted = ((flag & FAILING) != 0) & ((flag & FLAGS["masked"]) == 0)
+    predicted, spread, known = predictions(six, covariance, wanted, grid.step, settings.window)
+    at = np.flatnonzero(wanted)[known]
+    six.reshape(-1, 6)[at], covariance.reshape(-1, 6, 6)[at] = predicted[known], spread[known]
+    bits = np.zeros(flag.shape, np.uint16)
+    bits.ravel()[at] = FLAGS["replaced"]
+    return bits
 
 
 def _share_failed(flag: NDArray[np.uint16]) -> float:

@@ -50,6 +50,11 @@ class Settings:
         Give little weight to pixels whose residual is far beyond what noise explains: unmatched particles,
         glints, dead pixels. It changes nothing where there are none. Of `method="eigenfilter"`, it
         replaces dead pixels alone.
+    forward_backward : bool
+        Measure from frame 1 to frame 0 too, and flag points that do not return: twice the time.
+    replace_failed : bool
+        Give failed points what their neighbours predict, with a covariance that holds their scatter. Such points are
+        flagged `replaced`, and are never counted as measured.
     search : {"auto", "pyramid"}
         How large motion is found: from coarse to fine, and where most points fail so, by capturing the
         map about a few points (turns to 30° or more, zooms by a third; some seconds); or from coarse to
@@ -94,6 +99,8 @@ class Settings:
     interpolation: Interpolation = "quintic"
     lighting: Lighting = "none"
     robust: bool = True
+    forward_backward: bool = False
+    replace_failed: bool = False
     search: Search = "auto"
     levels: int | None = None
     passes: int = 8
@@ -145,7 +152,7 @@ class Settings:
             self.tolerance,
             "must be a positive number of pixels, such as 0.005",
         )
-        for name in ("float64", "robust"):
+        for name in ("float64", "robust", "forward_backward", "replace_failed"):
             value = getattr(self, name)
             _require(isinstance(value, bool), name, value, "must be True or False")
         for name in ("pixel_size", "frame_interval"):
@@ -234,6 +241,8 @@ class SettingsOptions(TypedDict, total=False):
     interpolation: Interpolation
     lighting: Lighting
     robust: bool
+    forward_backward: bool
+    replace_failed: bool
     search: Search
     levels: int | None
     passes: int
