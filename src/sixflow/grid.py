@@ -54,9 +54,7 @@ class Grid:
         """(x0, y0, step), as the kernels take it."""
         return self.x0, self.y0, self.step
 
-    def within(
-        self, rows: slice, columns: slice
-    ) -> tuple[Grid, tuple[slice, slice]] | None:
+    def within(self, rows: slice, columns: slice) -> tuple[Grid, tuple[slice, slice]] | None:
         """Return the points inside a part of the frame, as a grid over that part, and where they stand in this one;
         None if there is none.
         """

@@ -34,6 +34,7 @@ from sixflow.engine.solve import (
 from sixflow.engine.spline import DEGREE, gradient_noise, noise_variance
 from sixflow.engine.threads import over_strips
 from sixflow.engine.warp import DERIVATIVE, bring_strip, warp_strip
+from sixflow.engine.weigh import NEGLIGIBLE, weigh, weighing_noise, weight_slope
 from sixflow.engine.window import moment_weights, sharpening_noise
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
@@ -44,6 +45,13 @@ from sixflow.validate import MINIMUM_TEXTURE, MINIMUM_WEIGHT
 STRIP = 64
 GRID_STRIP = 16
 CONTRACTION = 0.05  # what a pass leaves of the distance to its fixed point, at least (measured: 0.01 to 0.03)
+WEIGHED_CONTRACTION = 0.4  # the same where weights change from pass to pass
+OF_CONTRAST = (
+    0.02  # of the frame's contrast: a residual that no pixel is called foreign for is 3.5 times that
+)
+LONG_TAIL = (
+    1.3  # mean square residual over that of a Gaussian of the same mean size: foreign pixels (noise: ± 0.03)
+)
 TRUSTED_RESIDUAL = 0.6  # zero-normalised (correlation 0.82), for a start that finer levels build upon
 
 
@@ -87,6 +95,10 @@ class Quality:
         What noise adds to the gradients' squares, over what the texture gives them.
     minimum_texture : float
         Texture below which the covariance is not to be trusted.
+    partner : array, shape (rows, columns), or None
+        As `weight`, with the pixels that were left out as foreign; None where no pixels were weighed.
+    foreign, foreign_centre : array, shape (rows, columns), or None
+        Share of the window's weight, and of that of a window of half the size, that foreign pixels lost.
     """
 
     covariance: NDArray[Any]
@@ -96,6 +108,9 @@ class Quality:
     noise: NDArray[Any]
     rho: NDArray[Any]
     minimum_texture: float = MINIMUM_TEXTURE
+    partner: NDArray[Any] | None = None
+    foreign: NDArray[Any] | None = None
+    foreign_centre: NDArray[Any] | None = None
 
 
 class Passes:
@@ -128,6 +143,9 @@ class Passes:
         self.lighting = np.empty((0, 0, 0, 0), self.dtype)
         self._update = self._last = np.zeros((6, *grid.shape))
         self._last_seen: Seen | None = None
+        self._partner: NDArray[Any] | None = None
+        self.robust = False
+        """Whether foreign pixels have little weight in the next passes."""
 
     def solve(self, maps: NDArray[Any], *, total: bool = True) -> NDArray[Any]:
         """Return the maps after one pass, NaN where the equations are singular.
@@ -147,6 +165,8 @@ class Passes:
             self._warp(reduced, plane, total)
             self._estimate_lighting()
         self._warp(reduced, plane, total)
+        if self.robust:
+            self._weigh()
         known = shift if total else maps
         if self.settings.group == "affine":
             solution = self._solution() + known
@@ -247,6 +267,28 @@ class Passes:
             return self.workspace.array("still", self.reference.image.shape, self.dtype)
         return self.reference.image
 
+    def _weigh(self) -> None:
+        """Take the weight of foreign pixels out of what the warp left in the workspace."""
+        shape, array = self.reference.image.shape, self.workspace.array
+        residual, weight = array("residual", shape, self.dtype), array("pixel_weight", shape, self.dtype)
+        floor = OF_CONTRAST * float(self.reference.image[::4, ::4].std())
+        weigh(residual, *self._images(), array("raw_weight", shape, self.dtype), weight, floor)
+
+    def begin(self) -> None:
+        """Give all pixels their full weight again, for another start."""
+        self.robust, self._partner = False, None
+
+    def distrust(self) -> bool:
+        """Begin to weigh pixels if the last residual shows any that do not belong; True if that is new."""
+        if self.robust or not self.settings.robust:
+            return False
+        seen = self._seen()
+        if seen.tail is None:
+            return False
+        self.robust = bool((seen.tail > LONG_TAIL).any())
+        self._partner = seen.weight if self.robust else None
+        return self.robust
+
     def _statistics(self, image: NDArray[Any], name: str) -> NDArray[np.float64]:
         """Window sums of 1, |r|, r², I, I² of an image over the pixels that have a partner; shape (5,
         rows, columns).
@@ -303,12 +345,14 @@ class Passes:
         rho = self._seen().rho
         with np.errstate(invalid="ignore", divide="ignore"):
             noise_share = np.where(rho >= 0, rho / (1 + rho), 1.0)
-        rate = np.clip(noise_share, CONTRACTION, 0.9)
+        rate = np.clip(noise_share, WEIGHED_CONTRACTION if self.robust else CONTRACTION, 0.9)
         return rate / (1 - rate)
 
     def counted(self) -> NDArray[np.bool_]:
         """Pixels that had a partner in the last pass; shape (height, width)."""
-        return np.isfinite(self.workspace.array("residual", self.reference.image.shape, self.dtype))
+        shape, array = self.reference.image.shape, self.workspace.array
+        counted = np.isfinite(array("residual", shape, self.dtype))
+        return counted | (array("pixel_weight", shape, self.dtype) < NEGLIGIBLE) if self.robust else counted
 
     def explained(self) -> float:
         """Share of the residual's power that the last update took out, median over the points."""
@@ -319,7 +363,38 @@ class Passes:
         seen = self._seen()
         transform = _six_from_unknowns(self.settings.sigma, sharpened)
         covariance = self._covariance(seen, transform)
-        return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise, seen.rho, self.minimum_texture)
+        if not self.robust:
+            return Quality(
+                covariance,
+                seen.texture,
+                seen.weight,
+                seen.residual,
+                seen.noise,
+                seen.rho,
+                self.minimum_texture,
+            )
+        weight = self.workspace.array("pixel_weight", self.reference.image.shape, self.dtype)
+        raw = self.workspace.array("raw_weight", weight.shape, self.dtype)
+        kept = self._share(weight, self.weights)
+        covariance *= weighing_noise(kept, self._share(weight_slope(raw, weight), self.weights)).astype(
+            self.dtype
+        )
+        centre = moment_weights(self.settings.sigma / 2).astype(self.dtype)
+        return Quality(
+            covariance, seen.texture, seen.weight, seen.residual, seen.noise, seen.rho, self.minimum_texture,
+            self._partner, 1 - kept, 1 - self._share(weight, centre),
+        )  # fmt: skip
+
+    def _share(self, image: NDArray[Any], window: NDArray[Any]) -> NDArray[np.float64]:
+        """Window means of an image without NaN; `window` as from `moment_weights`; shape (rows, columns)."""
+        out = self.workspace.array("statistics", (*self.grid.shape, 5), self.dtype)
+        place = self.grid.origin_and_step
+        over_strips(
+            lambda start, stop: statistics_strip(image, image, window, place, start, stop, out),
+            self.grid.rows,
+            GRID_STRIP,
+        )
+        return np.asarray(out[..., 3] / out[..., 0], dtype=np.float64)
 
     def _covariance(self, seen: Seen, transform: NDArray[np.float64]) -> NDArray[Any]:
         """Covariance of the six numbers, `transform` times the unknowns θ; shape (rows, columns, 6, 6)."""
@@ -378,7 +453,8 @@ class Passes:
             noise = np.sqrt(left) * absolute / weight * np.sqrt(np.pi) / 2  # E|r| = √(2/π)·√2·noise
             contrast = np.sqrt(np.maximum(power / weight - (mean / weight) ** 2, 0))
             residual = np.sqrt(left * square / weight) / contrast
-        return Seen(weight, noise, residual, left, *self._texture(noise, weight))
+            tail = 2 / np.pi * left * square * weight / absolute**2
+        return Seen(weight, noise, residual, left, *self._texture(noise, weight), tail)
 
     def _explained_power(self) -> NDArray[np.float64]:
         """What the last update took out of Σ w r²; shape (rows, columns)."""
@@ -412,7 +488,8 @@ class Seen:
     """What a pass saw in every window; arrays of shape (rows, columns).
 
     weight with a partner; noise of one frame; zero-normalised residual; the share of Σ w r² that the
-    pass's own update left; what noise adds to Σ w g_x²; texture and rho of `solve.texture_strip`.
+    pass's own update left; what noise adds to Σ w g_x²; texture and rho of `solve.texture_strip`; mean
+    square of the residual over that of a Gaussian of the same mean size (None: not known).
     """
 
     weight: NDArray[Any]
@@ -422,6 +499,7 @@ class Seen:
     noise_gradient: NDArray[Any]
     texture: NDArray[Any]
     rho: NDArray[Any]
+    tail: NDArray[Any] | None = None
 
 
 def feedback_scale(rho: NDArray[Any]) -> NDArray[np.float64]:

@@ -14,9 +14,7 @@ from sixflow.grid import Grid
 from sixflow.validate import fill_failed
 
 
-def with_margin(
-    box: tuple[slice, slice], shape: tuple[int, int], window: float
-) -> tuple[slice, slice]:
+def with_margin(box: tuple[slice, slice], shape: tuple[int, int], window: float) -> tuple[slice, slice]:
     """Rows and columns around a body: two windows more on every side, or half its longer side."""
     margin = int(np.ceil(max(2 * window, max(part.stop - part.start for part in box) / 2)))
     rows, columns = (
@@ -24,6 +22,12 @@ def with_margin(
         for part, size in zip(box, shape, strict=True)
     )
     return rows, columns
+
+
+def share_failed(flag: NDArray[np.uint16]) -> float:
+    """Share of the points that are not masked and failed."""
+    asked = (flag & FLAGS["masked"]) == 0
+    return float(((flag & FAILING) != 0)[asked].mean()) if asked.any() else 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,7 +53,9 @@ class Start:
         """Take an earlier result of the same grid as a start."""
         maps = np.moveaxis(six.astype(np.float64) @ GRADIENT_FROM_SIX.T, -1, 0)
         maps[:, (flag & FAILING) != 0] = np.nan
-        return cls(np.ascontiguousarray(maps), np.where(flag & FLAGS["masked"], 0, 1) if body is None else body)
+        return cls(
+            np.ascontiguousarray(maps), np.where(flag & FLAGS["masked"], 0, 1) if body is None else body
+        )
 
     def of(self, number: int | None, places: tuple[slice, slice], grid: Grid) -> Start | None:
         """The start of one body at some of the points, filled from its own points; None where it has none."""
@@ -79,7 +85,9 @@ class Found:
     residual: NDArray[Any]
     noise: NDArray[Any]
     rho: NDArray[Any]
-    flag: NDArray[np.uint8]
+    window: NDArray[Any]
+    period: NDArray[Any]
+    flag: NDArray[np.uint16]
     body: NDArray[np.int32] | None
 
     @classmethod
@@ -88,10 +96,8 @@ class Found:
         return cls(
             np.full((6, *shape), np.nan),
             np.full((*shape, 6, 6), np.nan),
-            np.full(shape, np.nan),
-            np.full(shape, np.nan),
-            np.full(shape, np.nan),
-            np.full(shape, FLAGS["masked"], np.uint8),
+            *[np.full(shape, np.nan) for _ in range(5)],
+            np.full(shape, FLAGS["masked"], np.uint16),
             np.zeros(shape, np.int32),
         )
 
@@ -106,6 +112,6 @@ class Found:
             better = np.where(failed == was_failed, one.residual < residual, was_failed)
         new = ((one.flag & FLAGS["masked"]) == 0) & (better | ((flag & FLAGS["masked"]) != 0))
         self.maps[(slice(None), *places)][:, new] = one.maps[:, new]
-        for name in ("covariance", "residual", "noise", "rho", "flag"):
+        for name in ("covariance", "residual", "noise", "rho", "window", "period", "flag"):
             getattr(self, name)[places][new] = getattr(one, name)[new]
         self.body[places][new] = number

@@ -9,8 +9,13 @@ from numpy.typing import NDArray
 
 from sixflow.passes import Passes, Quality
 from sixflow.sharpen import sharpen
-from sixflow.validate import settle, typical
+from sixflow.validate import TYPICAL_SHARE, settle, typical
 
+NEAR = 0.2  # px: residuals of points so close to where they end tell foreign pixels
+WEIGHED_PASSES = 2  # weighed passes over the limit of ordinary ones: they converge more slowly
+WEIGHED_SHARE = (
+    0.995  # of the points that have to stay where pixels are weighed: the last ones are those in doubt
+)
 EXPLAINED = 0.01  # share of the residual's power that a last pass may still take out
 
 
@@ -20,7 +25,8 @@ def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, 
     A pass brings a point close to its fixed point at once. What is left is the update times the rate at
     which passes contract: the noise's share of the normal matrix, or a few percent where that is less
     (`Passes.contraction`). The passes end when this is below the tolerance and the
-    last update no longer changed the residual, from which the covariance is taken.
+    last update no longer changed the residual, from which the covariance is taken. If the residual then shows
+    pixels that do not belong (`Passes.distrust`), further passes give these little weight.
 
     Returns
     -------
@@ -32,12 +38,19 @@ def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, 
     """
     settings, step = passes.settings, passes.grid.step
     maps, left = start, np.full(passes.grid.shape, np.inf)
-    for k in range(settings.passes):
-        filled = settle(passes.dense(maps), step, settings.window) if k else maps
+    passes.begin()
+    done = 0
+    while done < settings.passes * (WEIGHED_PASSES if passes.robust else 1):
+        filled = settle(passes.dense(maps), step, settings.window) if done or passes.robust else maps
         maps = passes.solve(filled)
+        done += 1
         update = np.hypot(maps[0] - filled[0], maps[1] - filled[1])
         left = update * passes.contraction()
-        if typical(left) < settings.tolerance and passes.explained() < EXPLAINED:
+        if (done > 1 or typical(update) < NEAR) and passes.distrust():
+            done = 0
+            continue
+        most = typical(left, WEIGHED_SHARE if passes.robust else TYPICAL_SHARE)
+        if most < settings.tolerance and passes.explained() < EXPLAINED:
             break
     if settings.sharpen:
         maps, left = sharpen(passes, maps)

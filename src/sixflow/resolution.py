@@ -68,7 +68,7 @@ class Level:
     maps: Array
     quality: Quality
     left: Array
-    flag: NDArray[np.uint8]
+    flag: NDArray[np.uint16]
 
     @property
     def period(self) -> float:
@@ -185,7 +185,7 @@ class Chosen:
 
     maps: Array
     quality: Quality
-    flag: NDArray[np.uint8]
+    flag: NDArray[np.uint16]
     window: Array
     period: Array
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 from collections.abc import Iterable, Iterator
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 import xarray as xr
@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from sixflow.convention import SIX
 from sixflow.errors import InputError
-from sixflow.field.flags import FAILING, FLAGS
+from sixflow.field.flags import FAILING
 from sixflow.masks import Bodies, Masks
 from sixflow.pieces import Start
 from sixflow.session import PairResult, Prepared, Session
@@ -99,7 +99,9 @@ class Follower:
         How many pairs that are.
     """
 
-    def __init__(self, session: Session, masks: Masks, update: Update, done: xr.Dataset | None, skip: int) -> None:
+    def __init__(
+        self, session: Session, masks: Masks, update: Update, done: xr.Dataset | None, skip: int
+    ) -> None:
         self.session, self.masks, self.update = session, masks, update
         self.done, self.skip = done, skip
         self.from_number = _stage_after(update, done, skip)
@@ -163,7 +165,12 @@ class Follower:
         assert stage is not None
         step = self._step(stage, number, frame)
         before = self._before
-        if self.update == "lost" and before is not None and before[0] > stage.number and _is_lost(stage, step):
+        if (
+            self.update == "lost"
+            and before is not None
+            and before[0] > stage.number
+            and _is_lost(stage, step)
+        ):
             at, prepared, motion = before
             self.stage = stage = self._staged(at, self._masked(prepared, motion), motion)
             step = self._step(stage, number, frame)
@@ -247,7 +254,9 @@ def follow(
         Those pairs. Without them, they are measured again.
     """
     if done is not None and done.sizes.get("time", 0) < skip:
-        raise InputError(f"done holds {done.sizes.get('time', 0)} pairs, but skip={skip}: give all that are left out")
+        raise InputError(
+            f"done holds {done.sizes.get('time', 0)} pairs, but skip={skip}: give all that are left out"
+        )
     follower = Follower(session, masks, update, done, skip)
     for number, raw in enumerate(frames):
         bodies = masks.at(number) if masks.moving or number == 0 else None

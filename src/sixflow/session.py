@@ -15,42 +15,43 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.between import Between
 from sixflow.convention import SIX_FROM_GRADIENT
-from sixflow.convention.reference import SHARE
-from sixflow.engine.window import attenuation_period
+from sixflow.defects import without_defects
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.field.flags import FLAGS
 from sixflow.grid import Grid
-from sixflow.method import passes_of
+from sixflow.lighting import Change
 from sixflow.masks import Bodies
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
-from sixflow.passes import Passes, Quality, Workspace
-from sixflow.pieces import Found, Start, with_margin
-from sixflow.placing import masked_points, placed
-from sixflow.refine import refine
-from sixflow.rescue import FAILED, rescue
+from sixflow.passes import Workspace
+from sixflow.pieces import Found, Start, share_failed, with_margin
+from sixflow.placing import masked_points
+from sixflow.replace import predictions
+from sixflow.resolution import search_settings
 from sixflow.restriction import ABSENT
-from sixflow.search import search
 from sixflow.settings import Settings
-from sixflow.validate import flag_points
 from sixflow.trajectory import Motion, one_frames_share
 from sixflow.version import __version__
 
-
-LOST_FROM_START = 0.05  # share of points that may fail more than in the start, before it is searched anew
+FAILED = 0.5  # share of a body's points that have to fail near where it was, before it is sought in the whole frame
 
 
 @dataclasses.dataclass(frozen=True)
 class PairResult:
-    """What was measured of one pair; arrays (rows, columns, …) as in `sixflow.field.dataset`, NaN at failed points."""
+    """What was measured of one pair; arrays (rows, columns, …) as in `sixflow.field.dataset`, NaN at failed points
+    that were not replaced.
+    """
 
     six: NDArray[Any]
     covariance: NDArray[Any]
     residual: NDArray[Any]
     noise: NDArray[Any]
-    flag: NDArray[np.uint8]
+    resolution: NDArray[Any]
+    flag: NDArray[np.uint16]
     body: NDArray[np.int32] | None
+    window: float
     numbers: tuple[int, int]
     digest: str
     notes: tuple[str, ...]
@@ -66,7 +67,13 @@ class PairResult:
         if moved is None:
             moved = self.covariance * one_frames_share(self.rho)[..., None, None]
         return Motion(
-            self.six, self.covariance, moved.astype(self.six.dtype), self.flag, self.residual, self.noise, self.body
+            self.six,
+            self.covariance,
+            moved.astype(self.six.dtype),
+            self.flag,
+            self.residual,
+            self.noise,
+            self.body,
         )
 
 
@@ -98,7 +105,8 @@ class Session:
     """
 
     def __init__(self, settings: Settings, *, masks_move: bool = False) -> None:
-        self.settings, self.masks_move = settings, masks_move
+        self.asked = self.settings = settings
+        self.masks_move = masks_move
         self.dtype = np.float64 if settings.float64 else np.float32
         self.workspace = Workspace()
         self.shape: tuple[int, int] | None = None
@@ -129,7 +137,7 @@ class Session:
                 f"{name} is constant ({array.flat[0]}): there is no texture to follow; check the frame or its exposure"
             )
         notes = (f"{name}: {missing} pixels without a value (NaN or infinite) are masked",) if missing else ()
-        sample = kept[::4, ::4] if kept.ndim == 2 else kept
+        sample = _sample(image, valid if bodies is None else both_valid(bodies.inside, valid))
         digest = hashlib.sha256(np.ascontiguousarray(array).data).digest()
         mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
         if self.settings.lighting == "local":
@@ -139,6 +147,7 @@ class Session:
     def _begin(self, first: NDArray[Any], name: str) -> None:
         """Take shape, grid and the grey constant from the first frame."""
         height, width = first.shape
+        self.settings = search_settings(self.asked, first.shape)
         if min(height, width) < self.settings.window:
             raise InputError(
                 f"{name} has shape {first.shape}: smaller than window={self.settings.window:g}; "
@@ -167,12 +176,18 @@ class Session:
         start : Start, optional
             What is known of the motion. The search is left out where refining it succeeds.
         """
+        change, dead = Change.between(reference, moved), 0
+        settings = change.settings(self.asked)
+        if settings.robust:
+            frame, moved_frame, dead = without_defects(reference.frame, moved.frame)
+            reference = dataclasses.replace(reference, frame=frame)
+            moved = dataclasses.replace(moved, frame=moved_frame)
         bodies = reference.bodies
         if bodies is None or len(bodies.boxes) < 2:
-            found = self._piece(reference, moved, None, self.everywhere, start)
+            found = self._piece(reference, moved, settings, None, self.everywhere, start)
         else:
-            found = self._apart(reference, moved, start)
-        flag, settings = found.flag, self.settings
+            found = self._apart(reference, moved, settings, start)
+        flag = found.flag
         failed = (flag & FAILING).astype(bool)
         six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, found.maps, axes=1), 0, -1)
         six[..., ABSENT.get(settings.group, ())] *= 0.0  # by assumption, not by rounding; NaN stays NaN
@@ -181,11 +196,14 @@ class Session:
             "covariance": found.covariance,
             "residual": found.residual,
             "noise": found.noise / self.scale,
+            "resolution": found.period,
         }
         for name, values in measured.items():
             # noise is in grey levels, which may be of any size
             measured[name] = values if name == "noise" else values.astype(self.dtype, copy=False)
             measured[name][failed] = np.nan
+        if settings.replace_failed:
+            flag |= _replace(measured["six"], measured["covariance"], flag, self.grid, self.settings)
         digest = hashlib.sha256(reference.digest + moved.digest + reference.mask_digest)
         if self.masks_move:
             digest.update(moved.mask_digest)
@@ -199,10 +217,13 @@ class Session:
         if self.masks_move and body is None:
             number = 1 if bodies is None else next(iter(bodies.boxes))
             body = np.where(flag & FLAGS["masked"], 0, number).astype(np.int32)
-        notes = (*reference.notes, *moved.notes, *_lighting_notes(reference, moved, numbers, settings))
+        notes = (*reference.notes, *moved.notes, *change.notes(self.asked, numbers))
+        if dead:
+            notes += (f"frames {numbers[0]} and {numbers[1]}: {dead} dead or hot pixels were replaced",)
+        windows = found.window[~failed] if not failed.all() else found.window
         return PairResult(
-            **measured, flag=flag, body=body, numbers=numbers, digest=digest.hexdigest()[:16], notes=notes,
-            memory=memory, rho=found.rho,
+            **measured, flag=flag, body=body, window=float(np.nanmedian(windows)), numbers=numbers,
+            digest=digest.hexdigest()[:16], notes=notes, memory=memory, rho=found.rho,
         )  # fmt: skip
 
     @property
@@ -211,7 +232,7 @@ class Session:
         assert self.shape is not None
         return slice(0, self.shape[0]), slice(0, self.shape[1])
 
-    def _apart(self, reference: Prepared, moved: Prepared, start: Start | None) -> Found:
+    def _apart(self, reference: Prepared, moved: Prepared, settings: Settings, start: Start | None) -> Found:
         """Measure every body by itself, in a part of the frames that leaves room for its motion."""
         assert reference.bodies is not None
         assert self.shape is not None
@@ -219,10 +240,10 @@ class Session:
         for number, box in reference.bodies.boxes.items():
             near = with_margin(box, self.shape, self.settings.window)
             if self._points_of(reference.bodies, number, near):
-                found = self._piece(reference, moved, number, near, start)
-                if near != self.everywhere and _share_failed(found.flag) > FAILED:
-                    again = self._piece(reference, moved, number, self.everywhere, start)
-                    if _share_failed(again.flag) < _share_failed(found.flag):
+                found = self._piece(reference, moved, settings, number, near, start)
+                if near != self.everywhere and share_failed(found.flag) > FAILED:
+                    again = self._piece(reference, moved, settings, number, self.everywhere, start)
+                    if share_failed(again.flag) < share_failed(found.flag):
                         found, near = again, self.everywhere
                 whole.take(found, number, self._places(near))
         return whole
@@ -242,6 +263,7 @@ class Session:
         self,
         reference: Prepared,
         moved: Prepared,
+        settings: Settings,
         number: int | None,
         part: tuple[slice, slice],
         start: Start | None,
@@ -252,14 +274,21 @@ class Session:
         grid, places = within
         region, asked, other = (frame.part(part) for frame in self._frames_of(reference, moved, number))
         known = None if start is None else start.of(number, places, grid)
-        if self.settings.reference == "second":  # frame 1 is the one that stays: frame 0 is found from it, backwards
+        if (
+            settings.reference == "second"
+        ):  # frame 1 is the one that stays: frame 0 is found from it, backwards
             known = None if known is None else known.backwards()
-            maps, quality, flag = self._measured(other, region, other, grid, known)
-            maps = -maps
+            swapped = settings.replace(reference="first")
+            found = Between(other, region, other, grid, swapped, self.workspace).measure(known)
+            maps = -found.maps
         else:
-            maps, quality, flag = self._measured(region, other, asked, grid, known)
-        flag[masked_points(maps, grid, asked.valid, self.settings.reference)] = FLAGS["masked"]
-        return Found(maps, quality.covariance, quality.residual, quality.noise, quality.rho, flag, None)
+            found = Between(region, other, asked, grid, settings, self.workspace).measure(known)
+            maps = found.maps
+        flag, quality = found.flag, found.quality
+        flag[masked_points(maps, grid, asked.valid, settings.reference)] = FLAGS["masked"]
+        return Found(
+            maps, quality.covariance, quality.residual, quality.noise, quality.rho, found.window, found.period, flag, None
+        )  # fmt: skip
 
     def _frames_of(
         self, reference: Prepared, moved: Prepared, number: int | None
@@ -289,52 +318,24 @@ class Session:
                 )
         return region, asked, other
 
-    def _measured(
-        self, region: Frame, moved: Frame, judged: Frame, grid: Grid, start: Start | None
-    ) -> tuple[NDArray[Any], Quality, NDArray[np.uint8]]:
-        """Search, refine and judge: maps from `region` to `moved`, quality and flags."""
-        settings = self.settings
-        plain = settings.replace(reference="first")
-        share = SHARE[settings.reference] if settings.reference == "middle" else 0.0
-        passes = passes_of(settings)(region, moved, grid, settings if share else plain, self.workspace)
-        begun = None
-        if start is not None:
-            begun = self._refined(passes, start.maps, judged)
-            if _share_failed(begun[2]) <= start.failed + LOST_FROM_START:
-                return begun
-        maps = search(region, moved, grid, plain, self.workspace)
-        maps, quality, flag = self._refined(passes, placed(maps, grid, share) if share else maps, judged)
-        if settings.search == "auto" and _share_failed(flag) > FAILED:
-            rescued = rescue(region, moved, grid, plain)
-            if rescued is not None:
-                again = self._refined(passes, placed(rescued, grid, share) if share else rescued, judged)
-                if _share_failed(again[2]) < _share_failed(flag):
-                    maps, quality, flag = again
-        if begun is not None and _share_failed(begun[2]) <= _share_failed(flag):
-            return begun
-        return maps, quality, flag
-
-    def _refined(
-        self, passes: Passes, start: NDArray[Any], judged: Frame
-    ) -> tuple[NDArray[Any], Quality, NDArray[np.uint8]]:
-        """Refine a start and judge it: maps, quality and flags."""
-        maps, quality, left = refine(passes, start)
-        flag = flag_points(passes.dense(maps), quality, left, passes.grid, judged, passes.settings)
-        return maps, quality, flag
-
     def field(
-        self, result: PairResult, time: Sequence[float], unit: str, meaning: str = "time of the reference frame"
+        self,
+        result: PairResult,
+        time: Sequence[float],
+        unit: str,
+        meaning: str = "time of the reference frame",
     ) -> xr.Dataset:
         """Return the dataset of one pair."""
-        settings = self.settings
+        settings = self.asked
         assert self.shape is not None
+        resolutions = result.resolution[np.isfinite(result.resolution)]
         attrs = {
             "sixflow_version": __version__,
             "settings": settings.to_json(),
             "input_digest": result.digest,
             "frame_shape": list(self.shape),
-            "effective_window": float(settings.window),
-            "attenuation_period_10": attenuation_period(settings.sigma, settings.sharpen),
+            "effective_window": result.window,
+            "attenuation_period_10": float(np.median(resolutions)) if resolutions.size else float("nan"),
             "memory_bytes": result.memory,
             "notes": "\n".join(result.notes),
         }
@@ -343,6 +344,7 @@ class Session:
             covariance=result.covariance[None],
             residual=result.residual[None],
             noise=result.noise[None],
+            resolution=result.resolution[None],
             flag=result.flag[None],
             body=None if result.body is None else result.body[None],
             x=self.grid.x,
@@ -363,23 +365,23 @@ class Session:
         )
 
 
-def _share_failed(flag: NDArray[np.uint8]) -> float:
-    """Share of the points that are not masked and failed."""
-    asked = (flag & FLAGS["masked"]) == 0
-    return float(((flag & FAILING) != 0)[asked].mean()) if asked.any() else 0.0
+def _sample(image: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
+    """Every fourth pixel of every fourth row, of those that count; one zero if none does."""
+    if not valid.size:
+        return image[::4, ::4]
+    counted = valid.astype(bool)
+    some = image[::4, ::4][counted[::4, ::4]]
+    return some if some.size else image[counted] if counted.any() else np.zeros(1, image.dtype)
 
 
-def _lighting_notes(
-    reference: Prepared, moved: Prepared, numbers: tuple[int, int], settings: Settings
-) -> tuple[str, ...]:
-    """Say so when the light changed between the frames and the settings do not allow for it."""
-    if settings.lighting != "none" or settings.method == "eigenfilter" or reference.spread == 0:
-        return ()
-    gain, shift = moved.spread / reference.spread, (moved.mean - reference.mean) / reference.spread
-    if abs(gain - 1) < 0.1 and abs(shift) < 0.2:
-        return ()
-    return (
-        f"frames {numbers[0]} and {numbers[1]}: the light changed (contrast × {gain:.2f}, "
-        f"brightness {moved.mean - reference.mean:+.3g} grey); "
-        'consider lighting="gain+offset"',
-    )
+def _replace(
+    six: NDArray[Any], covariance: NDArray[Any], flag: NDArray[np.uint16], grid: Grid, settings: Settings
+) -> NDArray[np.uint16]:
+    """Fill failed points of `six` and `covariance` in place from their neighbours; the flag bits that say so."""
+    wanted = ((flag & FAILING) != 0) & ((flag & FLAGS["masked"]) == 0)
+    predicted, spread, known = predictions(six, covariance, wanted, grid.step, settings.window)
+    at = np.flatnonzero(wanted)[known]
+    six.reshape(-1, 6)[at], covariance.reshape(-1, 6, 6)[at] = predicted[known], spread[known]
+    bits = np.zeros(flag.shape, np.uint16)
+    bits.ravel()[at] = FLAGS["replaced"]
+    return bits

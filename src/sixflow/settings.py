@@ -57,6 +57,15 @@ class Settings:
         What may change in the light between the frames: nothing; gain and offset of each window (the
         zero-normalised criterion); or the local mean and contrast, divided out of each frame beforehand.
         "auto" takes gain and offset where the frames differ in contrast or brightness, else nothing.
+    robust : bool
+        Give little weight to pixels whose residual is far beyond what noise explains: unmatched particles,
+        glints, dead pixels. It changes nothing where there are none. Of `method="eigenfilter"`, it
+        replaces dead pixels alone.
+    forward_backward : bool
+        Measure from frame 1 to frame 0 too, and flag points that do not return: twice the time.
+    replace_failed : bool
+        Give failed points what their neighbours predict, with a covariance that holds their scatter. Such points are
+        flagged `replaced`, and are never counted as measured.
     search : {"auto", "pyramid"}
         How large motion is found: from coarse to fine, and where most points fail so, by capturing the
         map about a few points (turns to 30° or more, zooms by a third; some seconds); or from coarse to
@@ -101,6 +110,9 @@ class Settings:
     sharpen: int = 0
     interpolation: Interpolation = "quintic"
     lighting: Lighting = "auto"
+    robust: bool = True
+    forward_backward: bool = False
+    replace_failed: bool = False
     search: Search = "auto"
     levels: int | None = None
     passes: int = 8
@@ -159,7 +171,9 @@ class Settings:
             self.tolerance,
             "must be a positive number of pixels, such as 0.005",
         )
-        _require(isinstance(self.float64, bool), "float64", self.float64, "must be True or False")
+        for name in ("float64", "robust", "forward_backward", "replace_failed"):
+            value = getattr(self, name)
+            _require(isinstance(value, bool), name, value, "must be True or False")
         for name in ("pixel_size", "frame_interval"):
             value = getattr(self, name)
             _require(
@@ -246,6 +260,9 @@ class SettingsOptions(TypedDict, total=False):
     sharpen: int
     interpolation: Interpolation
     lighting: Lighting
+    robust: bool
+    forward_backward: bool
+    replace_failed: bool
     search: Search
     levels: int | None
     passes: int

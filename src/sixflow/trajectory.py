@@ -67,7 +67,7 @@ class Motion:
         NaN at failed points.
     moved_covariance : array, shape (rows, columns, 6, 6)
         The part of the covariance that is from the noise of the moved frame.
-    flag : uint8 array
+    flag : uint16 array
     residual, noise : arrays
         Of the last step.
     body : int array, or None
@@ -76,7 +76,7 @@ class Motion:
     six: Array
     covariance: Array
     moved_covariance: Array
-    flag: NDArray[np.uint8]
+    flag: NDArray[np.uint16]
     residual: Array
     noise: Array
     body: Array | None
@@ -117,8 +117,8 @@ def joined(base: Motion, step: Motion, grid: Grid, shape: tuple[int, int], *, na
     there = _along(step, grid, x, y, own, named)
     inside = (x >= 0) & (x <= shape[1] - 1) & (y >= 0) & (y <= shape[0] - 1)
     found = there.found & inside
-    flag[alive] |= np.where(inside, there.flag, FLAGS["unmatched"]).astype(np.uint8)
-    flag[alive] |= np.where(found | ((flag[alive] & FAILING) != 0), 0, FLAGS["unmatched"]).astype(np.uint8)
+    flag[alive] |= np.where(inside, there.flag, FLAGS["unmatched"]).astype(np.uint16)
+    flag[alive] |= np.where(found | ((flag[alive] & FAILING) != 0), 0, FLAGS["unmatched"]).astype(np.uint16)
     kept = tuple(places[found] for places in alive)
     first, second = first[found], there.six[found]
     spread, own_share = there.covariance[found], there.moved_covariance[found]
@@ -152,7 +152,7 @@ class _There:
     moved_covariance: Real
     residual: Real
     noise: Real
-    flag: NDArray[np.uint8]
+    flag: NDArray[np.uint16]
 
 
 def _along(step: Motion, grid: Grid, x: Real, y: Real, own: Array | None, named: bool) -> _There:
@@ -188,10 +188,10 @@ def _along(step: Motion, grid: Grid, x: Real, y: Real, own: Array | None, named:
             there[whole] = np.einsum("cn,cnij->nij", weight, corners)
     reason = np.bitwise_or.reduce(step.flag[corner_y, corner_x], axis=0)
     found = (far <= grid.step) & np.isfinite(six).all(axis=-1)
-    border = (step.flag[j, i] & FLAGS["border"]).astype(np.uint8)
+    border = (step.flag[j, i] & FLAGS["border"]).astype(np.uint16)
     return _There(
         found, six, covariance, moved, step.residual[j, i].astype(np.float64), step.noise[j, i].astype(np.float64),
-        np.where(found, border, reason & ~np.uint8(FLAGS["masked"])).astype(np.uint8),
+        np.where(found, border, reason & ~np.uint16(FLAGS["masked"])).astype(np.uint16),
     )  # fmt: skip
 
 
@@ -232,7 +232,11 @@ def carried(bodies: Bodies, motion: Motion, grid: Grid) -> Bodies | None:
             continue
         there = placed(fill_failed(np.where(own, maps, np.nan), grid.step), grid, 1.0)
         surface = HermiteSurface(
-            grid.x.astype(float), grid.y.astype(float), values=there[:2], slopes_x=there[[2, 4]], slopes_y=there[[3, 5]]
+            grid.x.astype(float),
+            grid.y.astype(float),
+            values=there[:2],
+            slopes_x=there[[2, 4]],
+            slopes_y=there[[3, 5]],
         )
         x, y = np.arange(width), np.arange(height)
         u, v = surface.on_grid(x.astype(float), y.astype(float))

@@ -1,5 +1,5 @@
-"""Validate: the normalised median test between neighbours' affine maps, and what stands in for a failed
-point.
+"""Validate: the normalised median test between neighbours' affine maps, what stands in for a failed
+point, and the flags of every point.
 
 Westerweel and Scarano (2005), extended to affine maps: neighbour n predicts d_n + G_n(p − n) at the
 point p, so that a deforming field is no outlier. With the median m of the predictions and the median ρ
@@ -17,8 +17,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.consistency import (
+    at_edge,
+    curvature,
+    disagreement,
+    gradient_outliers,
+    gradient_variances,
+    stands_out,
+)
 from sixflow.engine.compiler import kernel
 from sixflow.engine.threads import over_strips
+from sixflow.engine.window import attenuation_period
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
@@ -30,12 +39,14 @@ if TYPE_CHECKING:
 
 LIMIT = 3.0
 FLOOR = 0.1  # px: disagreement that is never held against a point
+CURVED = 1.4  # times what a curved field makes neighbours mispredict is no contradiction
 
 MINIMUM_TEXTURE = 1.0  # gradient power in the weakest direction, over that of noise
 MAXIMUM_ERROR = 0.5  # px: a larger standard error is no measurement
 MAXIMUM_RESIDUAL = 1.0  # of a zero-normalised residual: correlation 0.5
 SUSPECT_RESIDUAL = 0.6  # enough to call a window unmatched whose texture does not rise above the residual
 MINIMUM_WEIGHT = 0.2
+TYPICAL_SHARE = 0.98
 COMPLETE_WEIGHT = 0.98
 
 
@@ -184,10 +195,10 @@ def settle(maps: NDArray[Any], step: int, window: float) -> NDArray[Any]:
     return fill_failed(maps, step)
 
 
-def typical(left: NDArray[Any]) -> float:
-    """What 98 % of the points do not exceed."""
+def typical(left: NDArray[Any], share: float = TYPICAL_SHARE) -> float:
+    """What a share of the points does not exceed."""
     known = left[np.isfinite(left)]
-    return float(np.quantile(known, 0.98)) if known.size else np.inf
+    return float(np.quantile(known, share)) if known.size else np.inf
 
 
 def flag_points(
@@ -197,7 +208,7 @@ def flag_points(
     grid: Grid,
     reference: Frame,
     settings: Settings,
-) -> NDArray[np.uint8]:
+) -> NDArray[np.uint16]:
     """Judge every grid point; bits as in `sixflow.field.FLAGS`.
 
     Parameters
@@ -210,14 +221,15 @@ def flag_points(
     reference : Frame
         The reference frame at full resolution.
     """
-    flag = np.zeros(grid.shape, np.uint8)
+    flag = np.zeros(grid.shape, np.uint16)
     variance = quality.covariance
     with np.errstate(invalid="ignore"):
         error = np.sqrt(np.maximum(variance[..., 0, 0], variance[..., 1, 1])).astype(np.float64)
         outside = leaves(maps, grid, reference.image.shape, settings.reference)
         unknown = np.isnan(maps).any(axis=0)
         measurable = (quality.texture > quality.minimum_texture) & (error < MAXIMUM_ERROR)
-        flag[quality.weight < COMPLETE_WEIGHT] |= FLAGS["border"]
+        partner = quality.weight if quality.partner is None else quality.partner
+        flag[partner < COMPLETE_WEIGHT] |= FLAGS["border"]
         flag[unknown | ~measurable] |= FLAGS["low_texture"]
         unlike = quality.residual > np.where(measurable, MAXIMUM_RESIDUAL, SUSPECT_RESIDUAL)
         gone = (outside & ~unknown) | (quality.weight < MINIMUM_WEIGHT) | unlike
@@ -226,10 +238,31 @@ def flag_points(
     masked = masked_points(maps, grid, reference.valid, settings.reference)
     trusted = np.where((flag & FAILING).astype(bool) | masked, np.nan, maps)
     floor = np.maximum(FLOOR, np.nan_to_num(error, nan=FLOOR))
+    floor += CURVED / LIMIT * curvature(trusted, grid.step, settings.window)
     flag[median_outliers(trusted, grid.step, settings.window, floor)] |= FLAGS["outlier"]
+    _compare_with_neighbours(
+        flag, np.where((flag & FAILING).astype(bool), np.nan, trusted), quality, grid, settings
+    )
     flag[_unsupported((flag & FAILING).astype(bool) & ~masked, masked)] |= FLAGS["outlier"]
     flag[masked] = FLAGS["masked"]
     return flag
+
+
+def _compare_with_neighbours(
+    flag: NDArray[np.uint16], maps: NDArray[Any], quality: Quality, grid: Grid, settings: Settings
+) -> None:
+    """Flag outliers in gradient, edges, what is unresolved, and residuals that stand out (`consistency`)."""
+    variances = gradient_variances(quality.covariance)
+    flag[gradient_outliers(maps, variances, grid.step, settings.window)] |= FLAGS["outlier"]
+    period = attenuation_period(settings.sigma, settings.sharpen)
+    apart = disagreement(maps, variances, grid.step, period)
+    edge = at_edge(apart, quality.foreign, quality.foreign_centre)
+    flag[edge] |= FLAGS["edge"]
+    flag[(apart > 1) & ~edge] |= FLAGS["unresolved"]
+    measured = np.isfinite(maps[0])
+    flag[measured & stands_out(quality.noise, quality.residual, grid.step, settings.window)] |= FLAGS[
+        "residual"
+    ]
 
 
 def _unsupported(failed: NDArray[np.bool_], masked: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -68,7 +68,7 @@ def build_field(
         The six numbers in the order of `SIX`; NaN where the point failed.
     covariance : array, shape (time, y, x, 6, 6)
     residual, noise, resolution : array, shape (time, y, x)
-    flag : uint8 array, shape (time, y, x)
+    flag : uint16 array, shape (time, y, x)
     x, y : int arrays
         Pixel coordinates of the grid columns and rows.
     time : float array
@@ -99,7 +99,7 @@ def build_field(
         flag,
         {
             "long_name": "what happened at the point; 0 is measured with a complete window",
-            "flag_masks": np.array(list(FLAGS.values()), dtype=np.uint8),
+            "flag_masks": np.array(list(FLAGS.values()), dtype=np.uint16),
             "flag_meanings": " ".join(FLAGS),
         },
     )

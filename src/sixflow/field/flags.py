@@ -7,17 +7,27 @@ FLAGS = {
     "unmatched": 8,
     "outlier": 16,
     "not_converged": 32,
+    "residual": 64,
+    "edge": 128,
+    "unresolved": 256,
+    "forward_backward": 512,
+    "replaced": 1024,
 }
 """Meaning of each bit of `flag`.
 
 masked: the point lies outside the region of interest, or on pixels without a value. border: part of the
 window lies outside the frame, the mask or the other frame; the value stands, with its larger covariance.
 low_texture: the window's texture does not rise above the noise. unmatched: the point or most of its window
-has left the other frame, or the windows do not look alike. outlier: the point contradicts its neighbours.
-not_converged: the last pass still moved the point.
+has left the other frame, or the windows do not look alike. outlier: the point contradicts its neighbours in
+displacement or gradient, or stands alone among failed ones. not_converged: the last pass still moved the point.
+residual: the window's residual is far above what its neighbours' noise explains. edge: the window lies across a motion
+edge. unresolved: the motion has structure finer than the window resolves; the value stands, and is wrong
+by more than its covariance. forward_backward: the motion measured back does not return to the point. replaced: the
+value is not measured but predicted by the neighbours; the bits that say why stand beside it.
 """
 
-FAILING = (
-    FLAGS["masked"] | FLAGS["low_texture"] | FLAGS["unmatched"] | FLAGS["outlier"] | FLAGS["not_converged"]
-)
-"""Bits that make a point NaN; `border` alone does not."""
+STANDING = FLAGS["border"] | FLAGS["unresolved"] | FLAGS["replaced"]
+"""Bits that do not make a point NaN."""
+
+FAILING = sum(FLAGS.values()) & ~STANDING
+"""Bits that make a point NaN, unless it is replaced. A replaced point has one of them too, and is never valid."""

@@ -33,7 +33,7 @@ class Judged(NamedTuple):
 
     maps: NDArray[Any]
     quality: Quality
-    flag: NDArray[np.uint8]
+    flag: NDArray[np.uint16]
 
     @property
     def failed(self) -> NDArray[np.bool_]:

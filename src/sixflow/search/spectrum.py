@@ -116,7 +116,9 @@ def spectrum_of(image: NDArray[Any]) -> Spectrum:
     square = k_x**2 + k_y**2
     power = amplitude.astype(np.float64) ** 2
     corner = square > np.pi**2
-    power -= np.median(power[corner]) / math.log(2) if corner.any() else 0  # an exponential's mean by its median
+    power -= (
+        np.median(power[corner]) / math.log(2) if corner.any() else 0
+    )  # an exponential's mean by its median
     power[corner] = 0
     power[:, 1:] *= 2  # the other half of the plane
     total = power.sum()

@@ -1,9 +1,10 @@
-"""What a camera does to the light: gain, uneven light, shot noise, read noise, offset, rounding.
+"""What a camera does to the light: gain, uneven light, glare, shot noise, read noise, offset, rounding, dead pixels.
 
     grey = offset + light + N(0, noise²),  light = Poisson(electrons · gain · s(x) · I) / electrons,
 
 s(x) = 1 + shading (X + Y)/2 with X, Y running from −1 to 1 across the frame; then rounded and clipped to
-`bits`.
+`bits`. Glare adds spots of light, `glare_grey` exp(−½ (2|x − c|/glare_diameter)⁴) each: bright, flat within
+and steep at the edge. Glare and dead pixels stay where they are while the pattern moves.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from sixflow.errors import InputError
 from sixflow.synth.check import Array, number, require, whole
 
 _BITS = (8, 10, 12, 14, 16)
+_FIXED = 2**40  # numbers of random streams that belong to no frame
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -40,8 +42,18 @@ class Sensor:
     bits : {8, 10, 12, 14, 16} or None
         Depth: grey values are rounded and clipped to 0 … 2^bits − 1, as uint8 or uint16. None: float64, as
         they are. Grey values are not rescaled: raise `gain` to make use of more bits.
+    dead : float
+        Share of dead and hot pixels, 0 to 0.5: half of them show 0, half 255 (or the most that `bits` can hold),
+        whatever the light.
+    glare : float
+        Mean number of spots of glare in 100 × 100 px, at least 0, at random places.
+    glare_diameter : float
+        Of a spot, px, above 0.
+    glare_grey : float
+        Light of a spot, grey.
     seed : int
-        Chooses the noise; frames of different number have independent noise.
+        Chooses the noise, the dead pixels and the glare; frames of different number have independent noise and
+        the same dead pixels and glare.
 
     Raises
     ------
@@ -60,6 +72,10 @@ class Sensor:
     noise: float = 0.0
     electrons: float | None = None
     bits: int | None = None
+    dead: float = 0.0
+    glare: float = 0.0
+    glare_diameter: float = 12.0
+    glare_grey: float = 255.0
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -75,6 +91,10 @@ class Sensor:
         )
         remedy = f"must be one of {', '.join(map(str, _BITS))}, or None for float64 frames"
         require(whole_bits and self.bits in (*_BITS, None), "bits", self.bits, remedy)
+        object.__setattr__(self, "dead", number("dead", self.dead, least=0, most=0.5))
+        object.__setattr__(self, "glare", number("glare", self.glare, least=0, unit="spots in 100 × 100 px"))
+        object.__setattr__(self, "glare_diameter", number("glare_diameter", self.glare_diameter, above=0))
+        object.__setattr__(self, "glare_grey", number("glare_grey", self.glare_grey))
         object.__setattr__(self, "seed", whole("seed", self.seed, 0))
 
     def expose(self, light: Any, number: int = 0) -> NDArray[Any]:
@@ -105,6 +125,8 @@ class Sensor:
             rows, columns = grey.shape
             Y, X = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, columns), indexing="ij")
             grey = grey * (1 + self.shading * (X + Y) / 2)
+        if self.glare:
+            grey = grey + self._glare(grey.shape)
         if self.electrons is not None:
             counted = self.electrons * np.maximum(grey, 0)
             most = float(counted.max(initial=0))
@@ -115,10 +137,30 @@ class Sensor:
         grey = grey + self.offset
         if self.noise:
             grey = grey + rng.normal(0.0, self.noise, grey.shape)
+        if self.dead:
+            most_grey = 255 if self.bits is None else 2**self.bits - 1
+            place = self._fixed(0).random(grey.shape)
+            grey = np.where(place < self.dead, np.where(place < self.dead / 2, 0, most_grey), grey)
         if self.bits is None:
             return grey
         whole_grey = np.clip(np.rint(grey), 0, 2**self.bits - 1)
         return whole_grey.astype(np.uint8 if self.bits == 8 else np.uint16)
+
+    def _fixed(self, layer: int) -> np.random.Generator:
+        """Random numbers that are the same for every frame."""
+        return np.random.default_rng([self.seed, _FIXED + layer])
+
+    def _glare(self, shape: tuple[int, ...]) -> Array:
+        """Light of all spots of glare."""
+        rng = self._fixed(1)
+        rows, columns = shape
+        centres = rng.random((rng.poisson(self.glare * rows * columns / 1e4), 2)) * (rows, columns) - 0.5
+        y, x = np.arange(rows)[:, None], np.arange(columns)
+        total = np.zeros((rows, columns))
+        for cy, cx in centres:
+            near = 2 * np.hypot(y - cy, x - cx) / self.glare_diameter
+            total += self.glare_grey * np.exp(-(near**4) / 2)
+        return total
 
 
 def _light(light: Any) -> Array:

@@ -1,0 +1,159 @@
+"""Between: the motion of one body between two frames.
+
+    search → refine (→ a ladder of windows) → judge → back again, if that is asked for
+
+The search and its own refinement see from frame 0, with one window. Where the settings ask for another place to see
+from (`reference="middle"`) or for windows of more than one size (`window="auto"`), the field found is refined once more
+from there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.convention.reference import SHARE
+from sixflow.field.flags import FAILING, FLAGS
+from sixflow.grid import Grid
+from sixflow.method import passes_of
+from sixflow.normalise import Frame
+from sixflow.passes import Quality, Workspace
+from sixflow.pieces import Start, share_failed
+from sixflow.placing import placed
+from sixflow.refine import refine
+from sixflow.resolution import Level, choose, ladder, search_settings
+from sixflow.restriction import joined
+from sixflow.roundtrip import no_return
+from sixflow.search.growth import Judged, Scene, extrapolated
+from sixflow.search.stage import find_motion
+from sixflow.settings import Settings
+from sixflow.validate import flag_points, settle
+
+LOST_FROM_START = 0.05  # share of points that may fail more than in the start, before it is searched anew
+
+
+@dataclasses.dataclass(frozen=True)
+class Measured:
+    """A measured and judged field; `window` and `period`, attenuated by 10 %, of each point, px."""
+
+    maps: NDArray[Any]
+    quality: Quality
+    flag: NDArray[np.uint16]
+    window: NDArray[Any]
+    period: NDArray[Any]
+
+
+@dataclasses.dataclass(frozen=True)
+class Between:
+    """What is measured between two frames, and how.
+
+    Attributes
+    ----------
+    still, moved : Frame
+        Frame 0 and frame 1, masked where the body is not.
+    judged : Frame
+        Frame 0 where points are asked for.
+    grid : Grid
+    settings : Settings
+        `reference` is "first" or "middle": who sees from frame 1 takes the frames the other way round.
+    workspace : Workspace
+    """
+
+    still: Frame
+    moved: Frame
+    judged: Frame
+    grid: Grid
+    settings: Settings
+    workspace: Workspace
+
+    def measure(self, start: Start | None = None, guess: NDArray[np.float64] | None = None) -> Measured:
+        """Search, refine and judge.
+
+        Parameters
+        ----------
+        start : Start, optional
+            What is known of the motion, where `settings.reference` sees it from. The search is left out where
+            refining it succeeds.
+        guess : array, shape (6, rows, columns), optional
+            A user's first guess, at points of frame 0.
+        """
+        simple = search_settings(self.settings, self.still.image.shape).replace(reference="first")
+        found = self._found(simple, start, guess)
+        measured = self._single(found, simple) if simple == self.settings else self._seen_as_asked(found)
+        if self.settings.forward_backward:
+            measured.flag[self._strays(measured)] |= FLAGS["forward_backward"]
+        return measured
+
+    def _found(self, simple: Settings, start: Start | None, guess: NDArray[np.float64] | None) -> Judged:
+        """What the search finds, or what a start leads to."""
+
+        def judge(maps: NDArray[Any]) -> Judged:
+            level = self._level(maps, simple)
+            return Judged(level.maps, level.quality, level.flag)
+
+        begun = None
+        if start is not None:
+            begun = judge(placed(start.maps, self.grid, -self._share) if self._share else start.maps)
+            if share_failed(begun.flag) <= start.failed + LOST_FROM_START:
+                return begun
+        scene = Scene(self.still, self.moved, self.grid, simple.window, judge)
+        found = find_motion(scene, simple, self.workspace, guess)
+        return found if begun is None or share_failed(found.flag) < share_failed(begun.flag) else begun
+
+    @property
+    def _share(self) -> float:
+        return SHARE[self.settings.reference]
+
+    def _single(self, found: Judged, settings: Settings) -> Measured:
+        """The field of one window."""
+        level = Level(settings, found.maps, found.quality, np.empty(0), found.flag)
+        everywhere = np.ones(self.grid.shape)
+        return Measured(
+            found.maps, found.quality, found.flag, settings.window * everywhere, level.period * everywhere
+        )
+
+    def _seen_as_asked(self, found: Judged) -> Measured:
+        """Refine what the search found once more, seen from where the settings say and with their windows."""
+        start = extrapolated(found, self.grid)
+        if self._share:
+            start = placed(start, self.grid, self._share)
+        if self.settings.window != "auto":
+            level = self._level(start, self.settings)
+            return self._single(Judged(level.maps, level.quality, level.flag), self.settings)
+        levels: list[Level] = []
+        for settings in reversed(ladder(self.settings, self.still.image.shape)):
+            levels.insert(0, self._level(start, settings))
+            start = settle(
+                np.where(levels[0].usable, levels[0].maps, np.nan), self.grid.step, settings.window
+            )
+        chosen = choose(levels, self.grid)
+        return Measured(chosen.maps, chosen.quality, chosen.flag, chosen.window, chosen.period)
+
+    def _level(self, start: NDArray[Any], settings: Settings) -> Level:
+        """Refine a start with one window, and judge it."""
+        passes = passes_of(settings)(self.still, self.moved, self.grid, settings, self.workspace)
+        maps, quality, left = refine(passes, start)
+        flag = flag_points(passes.dense(maps), quality, left, self.grid, self.judged, settings)
+        return Level(settings, maps, quality, left, flag)
+
+    def _strays(self, there: Measured) -> NDArray[np.bool_]:
+        """Points that do not return where they came from, by a measurement from frame 1 to frame 0."""
+        back = dataclasses.replace(
+            self,
+            still=self.moved,
+            moved=self.still,
+            judged=self.moved,
+            settings=self.settings.replace(forward_backward=False),
+        ).measure()
+        maps, back_maps = (
+            np.where((one.flag & FAILING) != 0, np.nan, self._dense(one.maps)) for one in (there, back)
+        )
+        covariances = there.quality.covariance, back.quality.covariance
+        return no_return(maps, back_maps, *covariances, self.grid, self._share)
+
+    def _dense(self, maps: NDArray[Any]) -> NDArray[Any]:
+        """Maps that fit together to a dense field, as `Passes.dense`."""
+        return maps if self.settings.group == "affine" else joined(maps, self.grid.step)

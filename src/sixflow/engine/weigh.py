@@ -1,0 +1,263 @@
+"""Weigh: low weight for pixels whose residual is far beyond what noise and the fit explain.
+
+A pixel's residual r is compared with what is usual around it,
+
+    s² = s₀² + (e |g|)²,      t = |r| / s,      ω = 1 for t ≤ 3.5, 0 for t ≥ 5, (25 − t²)/(25 − 3.5²) between,
+
+and the least weight of the pixel and its eight neighbours counts, because what does not belong there, an unmatched
+particle or a glint, is larger than a pixel. Gaussian noise keeps 0.995 of its weight.
+
+| symbol | meaning |
+|---|---|
+| r, g | residual and gradient of `warp` |
+| s₀ | 1.4826 · median of \\|r\\| over a tile of 16 × 16 pixels: noise |
+| e | 1.4826 · median of \\|r\\|/\\|g\\| over its steeper pixels: displacement that the fit leaves, px |
+
+Medians stand up to 40 % of foreign pixels. The second term is what keeps the fit linear: where windows do not resolve
+the motion, steep pixels have large residuals, all of them, and none is an outlier. Of both scales the median
+over 5 × 5 tiles is taken, and it is interpolated between the tiles.
+
+The estimate is an M-estimate with ψ = ω r. Its covariance is the sandwich with Σ w ψ' J Jᵀ for bread, not Σ w ω J Jᵀ, and where ω
+falls ψ' is below ω by (2 t²)/(5² − 3.5²): pixels that are neither in nor out add noise. `weighing_noise` is the
+factor (mean ω / mean ψ')², which is 1 without foreign pixels.
+
+Weighting multiplies gradient, right-hand side and residual by √ω in place: the normal equations then have ω, the
+sandwich ω². A pixel with almost no weight has none, like one without a partner: NaN residual, g = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.compiler import kernel
+from sixflow.engine.threads import over_strips
+
+TILE = 16
+REACH = 2  # tiles: scales are medians over 5 × 5
+NORMAL = 1.4826  # standard deviation of a Gaussian over its median absolute value
+FULL, NONE = 3.5, 5.0  # standard deviations up to which a pixel keeps its weight, and where it has lost it
+NEGLIGIBLE = 0.05  # weight that is taken for none
+LEAST_MISFIT = 0.02  # px: no fit is better than that on real pixels
+_STRIP = 64
+
+
+@kernel
+def _select(values: NDArray[Any], count: int) -> float:
+    """Element count//2 of the first `count` values in order (Hoare's selection); reorders them."""
+    k, low, high = count // 2, 0, count - 1
+    while low < high:
+        pivot = values[(low + high) // 2]
+        i, j = low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while values[j] > pivot:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i += 1
+                j -= 1
+        if k <= j:
+            high = j
+        elif k >= i:
+            low = i
+        else:
+            break
+    return values[k]
+
+
+@kernel
+def scales_strip(
+    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], start: int, stop: int,
+    scales: NDArray[Any],
+) -> None:  # fmt: skip
+    """s₀ and e of the tile rows start … stop.
+
+    Parameters
+    ----------
+    residual, gradient_x, gradient_y : arrays, shape (height, width)
+    scales : array, shape (2, tile rows, tile columns)
+        NaN where a tile has less than a quarter of its pixels.
+    """
+    height, width = residual.shape
+    sizes = np.empty(TILE * TILE, residual.dtype)
+    ratios = np.empty(TILE * TILE, residual.dtype)
+    for tj in range(start, stop):
+        top, bottom = tj * TILE, min((tj + 1) * TILE, height)
+        for ti in range(scales.shape[2]):
+            left, right = ti * TILE, min((ti + 1) * TILE, width)
+            count, power = 0, 0.0
+            for y in range(top, bottom):
+                for x in range(left, right):
+                    r = residual[y, x]
+                    if r == r:
+                        sizes[count] = abs(r)
+                        count += 1
+                        power += gradient_x[y, x] ** 2 + gradient_y[y, x] ** 2
+            if 4 * count < TILE * TILE:
+                scales[0, tj, ti] = scales[1, tj, ti] = np.nan
+                continue
+            noise = NORMAL * _select(sizes, count)
+            mean_power = power / count
+            steep, steepness = 0, 0.0
+            for y in range(top, bottom):
+                for x in range(left, right):
+                    r = residual[y, x]
+                    g = gradient_x[y, x] ** 2 + gradient_y[y, x] ** 2
+                    if r == r and g > mean_power / 2:
+                        ratios[steep] = abs(r) / math.sqrt(g)
+                        steepness += 1 / g
+                        steep += 1
+            misfit = 0.0
+            if steep > 0:
+                ratio = NORMAL * _select(ratios, steep)
+                misfit = max(0.0, ratio * ratio - noise * noise * steepness / steep)
+            scales[0, tj, ti] = noise
+            scales[1, tj, ti] = math.sqrt(misfit)
+
+
+@kernel
+def _between(position: float, count: int) -> tuple[int, int, float]:
+    """Tiles before and after a pixel, and its fraction of the way between their centres."""
+    place = min(max((position + 0.5) / TILE - 0.5, 0.0), count - 1.0)
+    first = int(place)
+    return first, min(first + 1, count - 1), place - first
+
+
+@kernel
+def raw_weights_strip(
+    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], scales: NDArray[Any],
+    start: int, stop: int, weight: NDArray[Any],
+) -> None:  # fmt: skip
+    """ω of every pixel by itself, rows start … stop; 1 where a pixel has no partner.
+
+    `scales` is (2, tile rows, tile columns), without NaN.
+    """
+    width = residual.shape[1]
+    one, zero = residual.dtype.type(1), residual.dtype.type(0)
+    line = np.empty((2, scales.shape[2]))
+    for y in range(start, stop):
+        above, below, f = _between(y, scales.shape[1])
+        for k in range(2):
+            for i in range(scales.shape[2]):
+                line[k, i] = (1 - f) * scales[k, above, i] + f * scales[k, below, i]
+        r, gx, gy, out = residual[y], gradient_x[y], gradient_y[y], weight[y]
+        for x in range(width):
+            left, right, h = _between(x, scales.shape[2])
+            noise = (1 - h) * line[0, left] + h * line[0, right]
+            misfit = (1 - h) * line[1, left] + h * line[1, right]
+            allowed = noise * noise + misfit * misfit * (gx[x] * gx[x] + gy[x] * gy[x])
+            square = r[x] * r[x]
+            if not square > FULL * FULL * allowed:
+                out[x] = one
+            elif square >= NONE * NONE * allowed:
+                out[x] = zero
+            else:
+                out[x] = (NONE * NONE - square / allowed) / (NONE * NONE - FULL * FULL)
+
+
+@kernel
+def spread_strip(raw: NDArray[Any], start: int, stop: int, weight: NDArray[Any]) -> None:
+    """Least of the weights of a pixel and its eight neighbours, rows start … stop."""
+    height, width = raw.shape
+    column = np.empty(width, raw.dtype)
+    for y in range(start, stop):
+        a, b, c, out = raw[max(y - 1, 0)], raw[y], raw[min(y + 1, height - 1)], weight[y]
+        for x in range(width):
+            column[x] = min(a[x], min(b[x], c[x]))
+        for x in range(1, width - 1):
+            out[x] = min(column[x - 1], min(column[x], column[x + 1]))
+        out[0] = min(column[0], column[min(1, width - 1)])
+        out[width - 1] = min(column[width - 1], column[max(width - 2, 0)])
+
+
+@kernel
+def apply_strip(
+    weight: NDArray[Any], start: int, stop: int, gradient_x: NDArray[Any], gradient_y: NDArray[Any],
+    right: NDArray[Any], residual: NDArray[Any],
+) -> None:  # fmt: skip
+    """Multiply by √ω in place, rows start … stop."""
+    zero, nothing = weight.dtype.type(0), weight.dtype.type(np.nan)
+    for y in range(start, stop):
+        w, gx, gy, q, r = weight[y], gradient_x[y], gradient_y[y], right[y], residual[y]
+        for x in range(w.size):
+            if w[x] == 1:
+                continue
+            if w[x] < NEGLIGIBLE:
+                gx[x] = gy[x] = q[x] = zero
+                r[x] = nothing
+                continue
+            root = math.sqrt(w[x])
+            gx[x] *= root
+            gy[x] *= root
+            q[x] *= root
+            r[x] *= root
+
+
+def weight_slope(raw: NDArray[Any], weight: NDArray[Any]) -> NDArray[Any]:
+    """R dω/dr of every pixel: 0 where ω is 0 or 1, or is that of a neighbour."""
+    span = NONE**2 - FULL**2
+    between = (weight >= NEGLIGIBLE) & (weight < 1) & (weight == raw)
+    return np.where(between, 2 * (weight - NONE**2 / span), 0).astype(weight.dtype)
+
+
+def weighing_noise(kept: NDArray[Any], slope: NDArray[Any]) -> NDArray[Any]:
+    """Factor of the covariance from window means of ω and r dω/dr, at most 9; shape (…, 1, 1)."""
+    return ((kept / np.maximum(kept + slope, kept / 3)) ** 2)[..., None, None]
+
+
+def usual(scales: NDArray[Any], floor: float) -> NDArray[Any]:
+    """Median over 5 × 5 tiles, at least `floor` for the noise; unknown tiles take the median of all.
+
+    Parameters
+    ----------
+    scales : array, shape (2, tile rows, tile columns)
+
+    Returns
+    -------
+    array of the same shape, without NaN
+    """
+    out = np.empty_like(scales)
+    for k, least in enumerate((floor, LEAST_MISFIT)):
+        known = scales[k][np.isfinite(scales[k])]
+        padded = np.pad(scales[k], REACH, constant_values=np.nan)
+        rows, columns = scales[k].shape
+        offsets = range(2 * REACH + 1)
+        around = np.stack([padded[j : j + rows, i : i + columns] for j in offsets for i in offsets])
+        around[:, np.isnan(around).all(axis=0)] = np.median(known) if known.size else np.inf
+        out[k] = np.maximum(np.nanmedian(around, axis=0), least)
+    return out
+
+
+def weigh(
+    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], right: NDArray[Any],
+    raw: NDArray[Any], weight: NDArray[Any], floor: float,
+) -> None:  # fmt: skip
+    """Find ω and multiply the four images by √ω in place.
+
+    Parameters
+    ----------
+    residual, gradient_x, gradient_y, right : arrays, shape (height, width)
+        From `warp`.
+    raw : array, shape (height, width)
+        Scratch.
+    weight : array, shape (height, width)
+        Receives ω; 1 where a pixel has no partner.
+    floor : float
+        Least standard deviation of the residual, grey: what rounding and interpolation may leave.
+    """
+    height, width = residual.shape
+    scales = np.empty((2, -(-height // TILE), -(-width // TILE)))
+    over_strips(lambda a, b: scales_strip(residual, gradient_x, gradient_y, a, b, scales), scales.shape[1], 4)
+    scales = usual(scales, floor)
+    over_strips(
+        lambda a, b: raw_weights_strip(residual, gradient_x, gradient_y, scales, a, b, raw), height, _STRIP
+    )
+    over_strips(lambda a, b: spread_strip(raw, a, b, weight), height, _STRIP)
+    over_strips(
+        lambda a, b: apply_strip(weight, a, b, gradient_x, gradient_y, right, residual), height, _STRIP
+    )
