@@ -34,6 +34,9 @@ from sixflow.validate import flag_points
 from sixflow.version import __version__
 
 
+_EXTREME = 0.002  # share of pixels, at either end, that do not tell the light of a frame
+
+
 @dataclasses.dataclass(frozen=True)
 class PairResult:
     """What was measured of one pair; arrays (rows, columns, …) as in `sixflow.field.dataset`, NaN at failed points."""
@@ -207,12 +210,16 @@ class Session:
 
 
 def _sample(image: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
-    """Every fourth pixel of every fourth row, of those that count; one zero if none does."""
-    if not valid.size:
-        return image[::4, ::4]
-    counted = valid.astype(bool)
-    some = image[::4, ::4][counted[::4, ::4]]
-    return some if some.size else image[counted] if counted.any() else np.zeros(1, image.dtype)
+    """Every fourth pixel of every fourth row, of those that count, without single extreme ones; one zero if none
+    counts.
+    """
+    some = image[::4, ::4].ravel()
+    if valid.size:
+        counted = valid.astype(bool)
+        some = image[::4, ::4][counted[::4, ::4]]
+        if not some.size:
+            some = image[counted] if counted.any() else np.zeros(1, image.dtype)
+    return some.clip(*np.quantile(some, (_EXTREME, 1 - _EXTREME)))
 
 
 def _share_failed(flag: NDArray[np.uint8]) -> float:
