@@ -33,7 +33,6 @@ from sixflow.settings import Settings
 from sixflow.validate import flag_points
 from sixflow.version import __version__
 
-
 _EXTREME = 0.002  # share of pixels, at either end, that do not tell the light of a frame
 
 
