@@ -290,7 +290,7 @@ def test_changed_light_is_noted(scene):
 def test_changed_light_is_seen_and_corrected(scene):
     frame1 = 1.5 * scene.frame1 - 30
     field = measure(scene.frame0, frame1)
-    assert "contrast × 1.50" in field.attrs["notes"]
+    assert "contrast × 1.5" in field.attrs["notes"]
     assert "its own gain and offset" in field.attrs["notes"]
     corrected = measure(scene.frame0, frame1, lighting="gain+offset")
     np.testing.assert_array_equal(measured.six_of(field), measured.six_of(corrected))
