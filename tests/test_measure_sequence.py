@@ -28,11 +28,17 @@ def test_a_recording_is_its_pairs(frames, pairs):
         assert (int(field.frame0[k]), int(field.frame1[k])) == (first, k + 1)
         alone = measure(frames[first], frames[k + 1], window=21)
         # the grey constant is that of the recording's first frame: single precision rounds differently
-        np.testing.assert_array_equal(field.flag.values[k], alone.flag.values[0])
+        started = pairs == "first" and k > 0  # from the pair before: the same but for the tolerance
+        border = ~np.uint8(2) if started else ~np.uint8(0)
+        np.testing.assert_array_equal(field.flag.values[k] & border, alone.flag.values[0] & border)
+        tolerance = Settings().tolerance if started else 2e-5
         for name in SIX:
-            np.testing.assert_allclose(field[name].values[k], alone[name].values[0], atol=2e-5)
+            np.testing.assert_allclose(field[name].values[k], alone[name].values[0], atol=tolerance)
         np.testing.assert_allclose(
-            field.covariance.values[k], alone.covariance.values[0], rtol=1e-2, atol=1e-8
+            field.covariance.values[k],
+            alone.covariance.values[0],
+            rtol=1e-2 if not started else 0.1,
+            atol=1e-8,
         )
 
 

@@ -54,9 +54,7 @@ class Grid:
         """(x0, y0, step), as the kernels take it."""
         return self.x0, self.y0, self.step
 
-    def within(
-        self, rows: slice, columns: slice
-    ) -> tuple[Grid, tuple[slice, slice]] | None:
+    def within(self, rows: slice, columns: slice) -> tuple[Grid, tuple[slice, slice]] | None:
         """Return the points inside a part of the frame, as a grid over that part, and where they stand in this one;
         None if there is none.
         """
@@ -67,11 +65,11 @@ class Grid:
                 return None
             where.append(slice(int(first), int(last)))
         y, x = where
-        part = Grid(
+        inside = Grid(
             int(self.x[x.start]) - columns.start, int(self.y[y.start]) - rows.start, self.step,
             x.stop - x.start, y.stop - y.start,
         )  # fmt: skip
-        return part, (y, x)
+        return inside, (y, x)
 
     def plane(self, values: NDArray[Any]) -> NDArray[Any]:
         """Affine maps at the grid points of one map (u, v, u_x, u_y, v_x, v_y) about pixel (0, 0);

@@ -319,7 +319,9 @@ class Passes:
         seen = self._seen()
         transform = _six_from_unknowns(self.settings.sigma, sharpened)
         covariance = self._covariance(seen, transform)
-        return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise, seen.rho, self.minimum_texture)
+        return Quality(
+            covariance, seen.texture, seen.weight, seen.residual, seen.noise, seen.rho, self.minimum_texture
+        )
 
     def _covariance(self, seen: Seen, transform: NDArray[np.float64]) -> NDArray[Any]:
         """Covariance of the six numbers, `transform` times the unknowns θ; shape (rows, columns, 6, 6)."""

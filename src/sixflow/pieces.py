@@ -1,4 +1,4 @@
-"""Pieces: what is known and found of the bodies of a pair, each measured by itself, and the field they make together."""
+"""Pieces: what is known and found of the bodies of a pair, measured one by one, and the field they make."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ from sixflow.grid import Grid
 from sixflow.validate import fill_failed
 
 
-def with_margin(
-    box: tuple[slice, slice], shape: tuple[int, int], window: float
-) -> tuple[slice, slice]:
+def with_margin(box: tuple[slice, slice], shape: tuple[int, int], window: float) -> tuple[slice, slice]:
     """Rows and columns around a body: two windows more on every side, or half its longer side."""
     margin = int(np.ceil(max(2 * window, max(part.stop - part.start for part in box) / 2)))
     rows, columns = (
@@ -49,7 +47,9 @@ class Start:
         """Take an earlier result of the same grid as a start."""
         maps = np.moveaxis(six.astype(np.float64) @ GRADIENT_FROM_SIX.T, -1, 0)
         maps[:, (flag & FAILING) != 0] = np.nan
-        return cls(np.ascontiguousarray(maps), np.where(flag & FLAGS["masked"], 0, 1) if body is None else body)
+        return cls(
+            np.ascontiguousarray(maps), np.where(flag & FLAGS["masked"], 0, 1) if body is None else body
+        )
 
     def of(self, number: int | None, places: tuple[slice, slice], grid: Grid) -> Start | None:
         """The start of one body at some of the points, filled from its own points; None where it has none."""
@@ -58,7 +58,7 @@ class Start:
             body = self.body[places]
             own = body > 0 if number is None else body == number
             maps = np.where(own, maps, np.nan)
-            unknown = np.isnan(maps).any(axis=0)[own]
+            unknown = np.asarray(np.isnan(maps).any(axis=0))[own]
         else:
             unknown = np.isnan(maps).any(axis=0).ravel()
         if unknown.all():

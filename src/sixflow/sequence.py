@@ -18,7 +18,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 from collections.abc import Iterable, Iterator
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 import xarray as xr
@@ -26,7 +26,6 @@ from numpy.typing import ArrayLike
 
 from sixflow.convention import SIX
 from sixflow.errors import InputError
-from sixflow.field.flags import FAILING, FLAGS
 from sixflow.masks import Bodies, Masks
 from sixflow.pieces import Start
 from sixflow.session import PairResult, Prepared, Session
@@ -49,7 +48,8 @@ def check_update(update: object, pairs: str, reference: str) -> Update:
     whole = isinstance(update, int) and not isinstance(update, bool) and update >= 1
     if not (update is None or update == "lost" or whole):
         raise InputError(
-            f"update={update!r}: must be a whole number of frames, at least 1, or 'lost', or None to keep the first frame"
+            f"update={update!r}: must be a whole number of frames, at least 1, or 'lost', or None for "
+            "the first frame throughout"
         )
     if update is not None and pairs != "first":
         raise InputError(f"update={update!r}: goes with pairs='first' only, but pairs={pairs!r}")
@@ -99,7 +99,9 @@ class Follower:
         How many pairs that are.
     """
 
-    def __init__(self, session: Session, masks: Masks, update: Update, done: xr.Dataset | None, skip: int) -> None:
+    def __init__(
+        self, session: Session, masks: Masks, update: Update, done: xr.Dataset | None, skip: int
+    ) -> None:
         self.session, self.masks, self.update = session, masks, update
         self.done, self.skip = done, skip
         self.from_number = _stage_after(update, done, skip)
@@ -109,7 +111,7 @@ class Follower:
 
     def needs(self, number: int) -> bool:
         """Whether a frame has to be looked at: others lie between what is done and what the rest starts from."""
-        if number in (0, self.from_number):
+        if number in (0, self.from_number) or (number == self.skip and self.update == "lost"):
             return True
         return number > (self.skip if self._directly else self.from_number)
 
@@ -132,7 +134,15 @@ class Follower:
         if number == self.from_number:
             assert self.done is not None
             base = _stored_motion(self.done, number - 1)
-            self.stage = self._staged(number, self._prepared(number, raw, bodies, base), base)
+            self.stage = Stage(number, self._prepared(number, raw, bodies, base), base)
+            return None
+        if number == self.skip and self._directly:  # may become a reference yet
+            assert self.done is not None
+            self._before = (
+                number,
+                self._prepared(number, raw, bodies, None),
+                _stored_motion(self.done, number - 1),
+            )
             return None
         result = self._measured(number, self._prepared(number, raw, bodies, None))
         return result if number > self.skip else None
@@ -155,27 +165,28 @@ class Follower:
             return frame
         return dataclasses.replace(frame, bodies=carried(self.first.bodies, base, self.session.grid))
 
-    def _staged(self, number: int, frame: Prepared, base: Motion) -> Stage:
-        return Stage(number, frame, base)
-
     def _measured(self, number: int, frame: Prepared) -> PairResult:
         stage = self.stage
         assert stage is not None
         step = self._step(stage, number, frame)
         before = self._before
-        if self.update == "lost" and before is not None and before[0] > stage.number and _is_lost(stage, step):
+        if (
+            self.update == "lost"
+            and before is not None
+            and before[0] > stage.number
+            and _is_lost(stage, step)
+        ):
             at, prepared, motion = before
-            self.stage = stage = self._staged(at, self._masked(prepared, motion), motion)
+            self.stage = stage = Stage(at, self._masked(prepared, motion), motion)
             step = self._step(stage, number, frame)
-        valid = step.flag & FAILING
-        stage.valid = int((valid == 0).sum()) if stage.valid is None else stage.valid
+        stage.valid = int(step.motion.valid.sum()) if stage.valid is None else stage.valid
         stage.start = Start.from_six(step.six, step.flag, step.body)
         result = step
         if self.update is not None:
             result = self._joined(stage, step, frame)
             self._before = (number, frame, result.motion)
             if self.update != "lost" and number - stage.number >= self.update:
-                self.stage = self._staged(number, self._masked(frame, result.motion), result.motion)
+                self.stage = Stage(number, self._masked(frame, result.motion), result.motion)
         return result
 
     def _step(self, stage: Stage, number: int, frame: Prepared) -> PairResult:
@@ -190,7 +201,7 @@ class Follower:
             named = not self.masks.moving or (self.first.bodies is not None and self.first.bodies.named)
             motion = joined(stage.base, motion, self.session.grid, self.session.shape, named=named)
         parts = (self.first, stage.frame, frame)
-        digest = hashlib.sha256(b"".join(part.digest for part in parts) + self.first.mask_digest)
+        digest = hashlib.sha256(b"".join(part.digest for part in parts) + self.first.mask_content)
         return dataclasses.replace(
             step, six=motion.six, covariance=motion.covariance, moved_covariance=motion.moved_covariance,
             flag=motion.flag, residual=motion.residual, noise=motion.noise, body=motion.body,
@@ -200,8 +211,7 @@ class Follower:
 
 
 def _is_lost(stage: Stage, step: PairResult) -> bool:
-    valid = int(((step.flag & FAILING) == 0).sum())
-    return stage.valid is not None and valid < LOST * stage.valid
+    return stage.valid is not None and int(step.motion.valid.sum()) < LOST * stage.valid
 
 
 def _stage_after(update: Update, done: xr.Dataset | None, skip: int) -> int:
@@ -247,7 +257,9 @@ def follow(
         Those pairs. Without them, they are measured again.
     """
     if done is not None and done.sizes.get("time", 0) < skip:
-        raise InputError(f"done holds {done.sizes.get('time', 0)} pairs, but skip={skip}: give all that are left out")
+        raise InputError(
+            f"done holds {done.sizes.get('time', 0)} pairs, but skip={skip}: give all that are left out"
+        )
     follower = Follower(session, masks, update, done, skip)
     for number, raw in enumerate(frames):
         bodies = masks.at(number) if masks.moving or number == 0 else None

@@ -22,8 +22,8 @@ from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.field.flags import FLAGS
 from sixflow.grid import Grid
-from sixflow.method import passes_of
 from sixflow.masks import Bodies
+from sixflow.method import passes_of
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
 from sixflow.passes import Passes, Quality, Workspace
 from sixflow.pieces import Found, Start, with_margin
@@ -33,10 +33,9 @@ from sixflow.rescue import FAILED, rescue
 from sixflow.restriction import ABSENT
 from sixflow.search import search
 from sixflow.settings import Settings
-from sixflow.validate import flag_points
 from sixflow.trajectory import Motion, one_frames_share
+from sixflow.validate import flag_points
 from sixflow.version import __version__
-
 
 LOST_FROM_START = 0.05  # share of points that may fail more than in the start, before it is searched anew
 
@@ -66,7 +65,13 @@ class PairResult:
         if moved is None:
             moved = self.covariance * one_frames_share(self.rho)[..., None, None]
         return Motion(
-            self.six, self.covariance, moved.astype(self.six.dtype), self.flag, self.residual, self.noise, self.body
+            self.six,
+            self.covariance,
+            moved.astype(self.six.dtype),
+            self.flag,
+            self.residual,
+            self.noise,
+            self.body,
         )
 
 
@@ -82,9 +87,9 @@ class Prepared:
     bodies: Bodies | None = None
 
     @property
-    def mask_digest(self) -> bytes:
-        """Digest of the mask; empty without one."""
-        return b"" if self.bodies is None else self.bodies.digest
+    def mask_content(self) -> bytes:
+        """The mask, for digests; empty without one."""
+        return b"" if self.bodies is None else self.bodies.content
 
 
 class Session:
@@ -186,9 +191,9 @@ class Session:
             # noise is in grey levels, which may be of any size
             measured[name] = values if name == "noise" else values.astype(self.dtype, copy=False)
             measured[name][failed] = np.nan
-        digest = hashlib.sha256(reference.digest + moved.digest + reference.mask_digest)
+        digest = hashlib.sha256(reference.digest + moved.digest + reference.mask_content)
         if self.masks_move:
-            digest.update(moved.mask_digest)
+            digest.update(moved.mask_content)
         memory = (
             self.workspace.nbytes
             + reference.frame.nbytes
@@ -201,8 +206,8 @@ class Session:
             body = np.where(flag & FLAGS["masked"], 0, number).astype(np.int32)
         notes = (*reference.notes, *moved.notes, *_lighting_notes(reference, moved, numbers, settings))
         return PairResult(
-            **measured, flag=flag, body=body, numbers=numbers, digest=digest.hexdigest()[:16], notes=notes,
-            memory=memory, rho=found.rho,
+            measured["six"], measured["covariance"], measured["residual"], measured["noise"], flag, body,
+            numbers, digest.hexdigest()[:16], notes, memory, found.rho,
         )  # fmt: skip
 
     @property
@@ -252,7 +257,9 @@ class Session:
         grid, places = within
         region, asked, other = (frame.part(part) for frame in self._frames_of(reference, moved, number))
         known = None if start is None else start.of(number, places, grid)
-        if self.settings.reference == "second":  # frame 1 is the one that stays: frame 0 is found from it, backwards
+        if (
+            self.settings.reference == "second"
+        ):  # frame 1 is the one that stays: frame 0 is found from it, backwards
             known = None if known is None else known.backwards()
             maps, quality, flag = self._measured(other, region, other, grid, known)
             maps = -maps
@@ -323,7 +330,11 @@ class Session:
         return maps, quality, flag
 
     def field(
-        self, result: PairResult, time: Sequence[float], unit: str, meaning: str = "time of the reference frame"
+        self,
+        result: PairResult,
+        time: Sequence[float],
+        unit: str,
+        meaning: str = "time of the reference frame",
     ) -> xr.Dataset:
         """Return the dataset of one pair."""
         settings = self.settings

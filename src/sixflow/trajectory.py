@@ -232,7 +232,11 @@ def carried(bodies: Bodies, motion: Motion, grid: Grid) -> Bodies | None:
             continue
         there = placed(fill_failed(np.where(own, maps, np.nan), grid.step), grid, 1.0)
         surface = HermiteSurface(
-            grid.x.astype(float), grid.y.astype(float), values=there[:2], slopes_x=there[[2, 4]], slopes_y=there[[3, 5]]
+            grid.x.astype(float),
+            grid.y.astype(float),
+            values=there[:2],
+            slopes_x=there[[2, 4]],
+            slopes_y=there[[3, 5]],
         )
         x, y = np.arange(width), np.arange(height)
         u, v = surface.on_grid(x.astype(float), y.astype(float))

@@ -85,9 +85,7 @@ def _table() -> dict[str, Derived]:
     gradient, log = convention.gradient, convention.log_six
     tensor = ("i", "j")
     table = {
-        "displacement_gradient": Derived(
-            (gradient,), tensor, "1", "displacement gradient G", finite=False
-        ),
+        "displacement_gradient": Derived((gradient,), tensor, "1", "displacement gradient G", finite=False),
         "lie_algebra_element": Derived((log,), ("param",), "px or 1, per frame", "the six of log(I + G)"),
         "green_lagrange": Derived(
             (gradient, convention.green_lagrange), tensor, "1", "Green-Lagrange tensor"
@@ -105,7 +103,11 @@ def _table() -> dict[str, Derived]:
             (gradient, convention.rotation_angle), (), "rad", "angle of the rotation of F = RU"
         ),
         "small_rotation": Derived(
-            (gradient, convention.small_rotation), (), "rad", "infinitesimal rotation, half the curl", finite=False
+            (gradient, convention.small_rotation),
+            (),
+            "rad",
+            "infinitesimal rotation, half the curl",
+            finite=False,
         ),
         "area_ratio": Derived(
             (gradient, convention.area_ratio),

@@ -80,7 +80,9 @@ def draw_arrows(ax: Axes, view: View, frame: ArrayLike | None, *, arrows: int = 
         "scale_units": "xy", "scale": scale, "units": "inches", "width": 0.0095, "color": ARROW,
         "headwidth": 3.6, "headlength": 4.2, "headaxislength": 3.8, "minlength": 0.6, "zorder": 4,
     }  # fmt: skip
-    quiver = ax.quiver(x[shown], y[shown], u.values[shown], v.values[shown], angles="xy", pivot=pivot, **style)
+    quiver = ax.quiver(
+        x[shown], y[shown], u.values[shown], v.values[shown], angles="xy", pivot=pivot, **style
+    )
     view.dress(ax, "velocity" if view.calibration else "displacement")
     if typical > 0:
         _draw_reference(ax, view, nice_below(typical), u.unit, style)
