@@ -34,12 +34,13 @@ def test_a_recording_is_its_pairs(frames, pairs):
         tolerance = Settings().tolerance if started else 2e-5
         for name in SIX:
             np.testing.assert_allclose(field[name].values[k], alone[name].values[0], atol=tolerance)
-        np.testing.assert_allclose(
-            field.covariance.values[k],
-            alone.covariance.values[0],
-            rtol=1e-2 if not started else 0.1,
-            atol=1e-8,
-        )
+        variances = [
+            np.diagonal(c, axis1=-2, axis2=-1)
+            for c in (field.covariance.values[k], alone.covariance.values[0])
+        ]
+        if started:  # at the border, a pixel more or less has a partner
+            variances = [v[alone.flag.values[0] == 0] for v in variances]
+        np.testing.assert_allclose(*variances, rtol=0.05 if started else 1e-2)
 
 
 def test_first_pair_is_identical_to_measure(frames):
