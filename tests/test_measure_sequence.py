@@ -28,10 +28,11 @@ def test_a_recording_is_its_pairs(frames, pairs):
         assert (int(field.frame0[k]), int(field.frame1[k])) == (first, k + 1)
         alone = measure(frames[first], frames[k + 1], window=21)
         # the grey constant is that of the recording's first frame: single precision rounds differently
-        started = pairs == "first" and k > 0  # from the pair before: the same but for the tolerance
+        # from the pair before: each of the two is within the tolerance of the fixed point
+        started = pairs == "first" and k > 0
         border = ~np.uint8(2) if started else ~np.uint8(0)
         np.testing.assert_array_equal(field.flag.values[k] & border, alone.flag.values[0] & border)
-        tolerance = Settings().tolerance if started else 2e-5
+        tolerance = 2 * Settings().tolerance if started else 2e-5
         for name in SIX:
             np.testing.assert_allclose(field[name].values[k], alone[name].values[0], atol=tolerance)
         variances = [
