@@ -41,7 +41,7 @@ def test_a_recording_is_its_pairs(frames, pairs):
         ]
         if started:  # at the border, a pixel more or less has a partner
             variances = [v[alone.flag.values[0] == 0] for v in variances]
-        np.testing.assert_allclose(*variances, rtol=0.05 if started else 1e-2)
+        np.testing.assert_allclose(*variances, rtol=0.1 if started else 1e-2)
 
 
 def test_first_pair_is_identical_to_measure(frames):
