@@ -26,6 +26,7 @@ from sixflow.masks import Bodies
 from sixflow.method import passes_of
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
 from sixflow.passes import Passes, Quality, Workspace
+from sixflow.light import RegionLight
 from sixflow.pieces import Found, Start, with_margin
 from sixflow.placing import masked_points, placed
 from sixflow.refine import refine
@@ -77,7 +78,10 @@ class PairResult:
 
 @dataclasses.dataclass
 class Prepared:
-    """A frame that has been checked and normalised, with what is remembered of the raw one."""
+    """A frame that has been checked and normalised, with what is remembered of the raw one.
+
+    `unlit` is the frame before its local light was divided out.
+    """
 
     frame: Frame
     digest: bytes
@@ -85,6 +89,7 @@ class Prepared:
     spread: float
     notes: tuple[str, ...]
     bodies: Bodies | None = None
+    unlit: Frame | None = None
 
     @property
     def mask_content(self) -> bytes:
@@ -137,9 +142,11 @@ class Session:
         sample = kept[::4, ::4] if kept.ndim == 2 else kept
         digest = hashlib.sha256(np.ascontiguousarray(array).data).digest()
         mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
+        unlit = None
         if self.settings.lighting == "local":
+            unlit = Frame(image, valid)
             image = flatten_lighting(image, valid, self.settings.sigma)
-        return Prepared(Frame(image, valid), digest, mean, spread, notes, bodies)
+        return Prepared(Frame(image, valid), digest, mean, spread, notes, bodies, unlit)
 
     def _begin(self, first: NDArray[Any], name: str) -> None:
         """Take shape, grid and the grey constant from the first frame."""
@@ -257,16 +264,38 @@ class Session:
         grid, places = within
         region, asked, other = (frame.part(part) for frame in self._frames_of(reference, moved, number))
         known = None if start is None else start.of(number, places, grid)
+        light = self._light(reference, moved, number, part, grid)
         if (
             self.settings.reference == "second"
         ):  # frame 1 is the one that stays: frame 0 is found from it, backwards
             known = None if known is None else known.backwards()
-            maps, quality, flag = self._measured(other, region, other, grid, known)
+            maps, quality, flag = self._measured(other, region, other, grid, known, light)
             maps = -maps
         else:
-            maps, quality, flag = self._measured(region, other, asked, grid, known)
+            maps, quality, flag = self._measured(region, other, asked, grid, known, light)
         flag[masked_points(maps, grid, asked.valid, self.settings.reference)] = FLAGS["masked"]
         return Found(maps, quality.covariance, quality.residual, quality.noise, quality.rho, flag, None)
+
+    def _light(
+        self,
+        reference: Prepared,
+        moved: Prepared,
+        number: int | None,
+        part: tuple[slice, slice],
+        grid: Grid,
+    ) -> RegionLight | None:
+        """What divides out the local light inside a body alone; None where there is no body, or no need."""
+        bodies = reference.bodies
+        if bodies is None or reference.unlit is None or moved.unlit is None:
+            return None
+        inside = bodies.inside if number is None else (bodies.labels == number).astype(np.uint8)
+        there = None
+        if self.masks_move and moved.bodies is not None:
+            there = moved.bodies.inside if number is None else moved.bodies.partner(number, bodies.named)
+            there = there[part]
+        return RegionLight(
+            reference.unlit.part(part), moved.unlit.part(part), inside[part], there, grid, self.settings
+        )
 
     def _frames_of(
         self, reference: Prepared, moved: Prepared, number: int | None
@@ -297,24 +326,36 @@ class Session:
         return region, asked, other
 
     def _measured(
-        self, region: Frame, moved: Frame, judged: Frame, grid: Grid, start: Start | None
+        self,
+        region: Frame,
+        moved: Frame,
+        judged: Frame,
+        grid: Grid,
+        start: Start | None,
+        light: RegionLight | None = None,
     ) -> tuple[NDArray[Any], Quality, NDArray[np.uint8]]:
         """Search, refine and judge: maps from `region` to `moved`, quality and flags."""
         settings = self.settings
         plain = settings.replace(reference="first")
         share = SHARE[settings.reference] if settings.reference == "middle" else 0.0
-        passes = passes_of(settings)(region, moved, grid, settings if share else plain, self.workspace)
+
+        def passes_from(begin: NDArray[Any]) -> Passes:
+            lit = (region, moved) if light is None else light.divided_out(region, moved, begin)
+            return passes_of(settings)(*lit, grid, settings if share else plain, self.workspace)
+
         begun = None
         if start is not None:
-            begun = self._refined(passes, start.maps, judged)
+            begun = self._refined(passes_from(start.maps), start.maps, judged)
             if _share_failed(begun[2]) <= start.failed + LOST_FROM_START:
                 return begun
         maps = search(region, moved, grid, plain, self.workspace)
-        maps, quality, flag = self._refined(passes, placed(maps, grid, share) if share else maps, judged)
+        maps = placed(maps, grid, share) if share else maps
+        maps, quality, flag = self._refined(passes_from(maps), maps, judged)
         if settings.search == "auto" and _share_failed(flag) > FAILED:
             rescued = rescue(region, moved, grid, plain)
             if rescued is not None:
-                again = self._refined(passes, placed(rescued, grid, share) if share else rescued, judged)
+                rescued = placed(rescued, grid, share) if share else rescued
+                again = self._refined(passes_from(rescued), rescued, judged)
                 if _share_failed(again[2]) < _share_failed(flag):
                     maps, quality, flag = again
         if begun is not None and _share_failed(begun[2]) <= _share_failed(flag):
