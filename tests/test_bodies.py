@@ -47,7 +47,9 @@ def labels():
 
 def errors(field, truth):
     y, x = np.meshgrid(field.y, field.x, indexing="ij")
-    near = (abs(y - EDGE + 0.5) < 10) & (abs(x - SIZE / 2) < SIZE / 2 - 36) & ~measured.flagged(field, "masked")
+    near = (
+        (abs(y - EDGE + 0.5) < 10) & (abs(x - SIZE / 2) < SIZE / 2 - 36) & ~measured.flagged(field, "masked")
+    )
     return (measured.six_of(field) - truth(y))[near], measured.standard_errors(field)[near], near
 
 
@@ -63,7 +65,9 @@ def test_nothing_leaks_across_an_edge(mask, reference):
     assert np.abs(error[:, 2:]).max() < 2e-4
     assert set(np.unique(field.body)) <= {0, 1, 2}
     body = field.body.values[0]
-    np.testing.assert_array_equal(body[near] == 1, np.broadcast_to(field.y.values[:, None] < EDGE, near.shape)[near])
+    np.testing.assert_array_equal(
+        body[near] == 1, np.broadcast_to(field.y.values[:, None] < EDGE, near.shape)[near]
+    )
 
 
 @pytest.mark.parametrize("mask", [gap(), labels()], ids=["gap", "labels"])
@@ -76,9 +80,7 @@ def test_errors_at_an_edge_are_at_the_limit(mask):
         error, predicted, near = errors(field, truth)
         y, x = np.mgrid[:SIZE, :SIZE]
         for k, half in enumerate(halves):
-            gradient = [
-                np.where(Bodies.of(mask).labels == k + 1, g, 0) for g in half.pattern.gradient(x, y)
-            ]
+            gradient = [np.where(Bodies.of(mask).labels == k + 1, g, 0) for g in half.pattern.gradient(x, y)]
             own = near & (field.body.values[0] == k + 1)
             rows = own.any(axis=1)
             bound = naive.cramer_rao(*gradient, window_sigma(31), field.x.values, field.y.values[rows], noise)
@@ -86,7 +88,10 @@ def test_errors_at_an_edge_are_at_the_limit(mask):
             exact = truth(np.meshgrid(field.y, field.x, indexing="ij")[0])
             square.append(((measured.six_of(field) - exact) ** 2)[own])
         z.append(error / predicted)
-    z, ratio = np.concatenate(z), np.sqrt(np.concatenate(square).mean(axis=0) / np.concatenate(limit).mean(axis=0))
+    z, ratio = (
+        np.concatenate(z),
+        np.sqrt(np.concatenate(square).mean(axis=0) / np.concatenate(limit).mean(axis=0)),
+    )
     scatter = 4 / np.sqrt(2 * measured.windows(len(z), 4, 31))
     np.testing.assert_allclose(measured.rms(z), 1, atol=scatter)
     # pixels within REACH of another body are not counted: up to 2 · 2 of 15 rows of a half window

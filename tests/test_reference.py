@@ -137,7 +137,7 @@ def test_second_is_the_other_way_round():
 
 
 def test_a_turning_body_seen_from_the_middle():
-    """A steady rotation about a point: from the middle, velocity = ω × r to second order; from frame 0 only to first."""
+    """A steady rotation: seen from the middle, velocity = ω × r to second order; from frame 0 only to first."""
     angle, size = 0.12, 160
     made = pair(Speckle(), Affine.rotation(angle, (79.5, 79.5)), (size, size))
     worst = {}
@@ -165,7 +165,9 @@ def test_finite_measures_do_not_depend_on_the_frame(reference):
     assert float(field.sixflow.vorticity[0, 1, 1]) == pytest.approx(log[3], abs=1e-3)
     own = convention.change_reference(six, "first", reference)
     np.testing.assert_allclose(
-        field.sixflow.small_strain.values[0, 1, 1], convention.small_strain(convention.gradient(own)), atol=1e-3
+        field.sixflow.small_strain.values[0, 1, 1],
+        convention.small_strain(convention.gradient(own)),
+        atol=1e-3,
     )
 
 
@@ -179,7 +181,9 @@ def test_errors_of_finite_measures_against_chance():
     np.testing.assert_allclose(drawn.std(axis=0), np.sqrt(np.diag(predicted)), rtol=0.03)
 
 
-@pytest.mark.parametrize(("reference", "times"), [("first", [0, 1, 2]), ("middle", [0.5, 1.5, 2.5]), ("second", [1, 2, 3])])
+@pytest.mark.parametrize(
+    ("reference", "times"), [("first", [0, 1, 2]), ("middle", [0.5, 1.5, 2.5]), ("second", [1, 2, 3])]
+)
 def test_times(reference, times):
     frames = sequence(Speckle(), Affine.translation(0.5, 0.2), (64, 64), 4).frames
     field = measure_sequence(frames, reference=reference)
@@ -201,5 +205,3 @@ def test_a_mask_goes_along(reference):
     np.testing.assert_allclose(field.u.values[0][12:18][:, (origin > 34) & (origin < 65)], 12, atol=0.1)
     far = (origin < 30 - 31) | (origin > 70 + 31)
     assert np.isnan(field.u.values[0][:, far]).all()
-
-

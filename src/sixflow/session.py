@@ -22,11 +22,11 @@ from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.field.flags import FLAGS
 from sixflow.grid import Grid
+from sixflow.light import RegionLight
 from sixflow.masks import Bodies
 from sixflow.method import passes_of
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
 from sixflow.passes import Passes, Quality, Workspace
-from sixflow.light import RegionLight
 from sixflow.pieces import Found, Start, with_margin
 from sixflow.placing import masked_points, placed
 from sixflow.refine import refine
@@ -37,8 +37,6 @@ from sixflow.settings import Settings
 from sixflow.trajectory import Motion, one_frames_share
 from sixflow.validate import flag_points
 from sixflow.version import __version__
-
-LOST_FROM_START = 0.05  # share of points that may fail more than in the start, before it is searched anew
 
 
 @dataclasses.dataclass(frozen=True)
@@ -346,7 +344,7 @@ class Session:
         begun = None
         if start is not None:
             begun = self._refined(passes_from(start.maps), start.maps, judged)
-            if _share_failed(begun[2]) <= start.failed + LOST_FROM_START:
+            if start.succeeded(begun[2], grid, region.image.shape, settings if share else plain):
                 return begun
         maps = search(region, moved, grid, plain, self.workspace)
         maps = placed(maps, grid, share) if share else maps
