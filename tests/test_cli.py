@@ -183,6 +183,7 @@ def test_every_setting_is_a_flag():
 def test_every_flag_reaches_the_settings(field):
     choices = {
         "method": "eigenfilter",
+        "reference": "middle",
         "group": "similarity",
         "search": "pyramid",
         "interpolation": "cubic",

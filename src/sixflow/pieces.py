@@ -1,4 +1,4 @@
-"""Pieces: what is known and found of the bodies of a pair, each measured by itself, and the field they make together."""
+"""Pieces: what is known and found of the bodies of a pair, measured one by one, and the field they make."""
 
 from __future__ import annotations
 
@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 from sixflow.convention import GRADIENT_FROM_SIX
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
+from sixflow.placing import leaves
+from sixflow.settings import Settings
 from sixflow.validate import fill_failed
+
+LOST_FROM_START = 0.05  # share of the points of a start that may fail, before the motion is searched anew
 
 
 def with_margin(box: tuple[slice, slice], shape: tuple[int, int], window: float) -> tuple[slice, slice]:
@@ -40,13 +44,13 @@ class Start:
         u, v, u_x, u_y, v_x, v_y in the frame that the measurement refers to; NaN where nothing is known.
     body : int array, shape (rows, columns), or None
         Number of the body of each point, where there are several.
-    failed : float
-        Share of the points of which nothing is known.
+    known : bool array, shape (rows, columns), or None
+        Points that the maps were measured at; the others are filled.
     """
 
     maps: NDArray[np.float64]
     body: NDArray[Any] | None = None
-    failed: float = 0.0
+    known: NDArray[np.bool_] | None = None
 
     @classmethod
     def from_six(cls, six: NDArray[Any], flag: NDArray[Any], body: NDArray[Any] | None) -> Start:
@@ -64,12 +68,18 @@ class Start:
             body = self.body[places]
             own = body > 0 if number is None else body == number
             maps = np.where(own, maps, np.nan)
-            unknown = np.isnan(maps).any(axis=0)[own]
-        else:
-            unknown = np.isnan(maps).any(axis=0).ravel()
-        if unknown.all():
-            return None
-        return Start(fill_failed(maps, grid.step), None, float(unknown.mean()))
+        known = np.isfinite(maps).all(axis=0)
+        return Start(fill_failed(maps, grid.step), None, known) if known.any() else None
+
+    def succeeded(
+        self, flag: NDArray[np.uint8], grid: Grid, shape: tuple[int, int], settings: Settings
+    ) -> bool:
+        """Whether the points that were known, and whose windows stay in the frame, were measured again."""
+        asked = (flag & FLAGS["masked"]) == 0
+        asked &= ~leaves(self.maps, grid, shape, settings.reference, settings.window / 2)
+        if self.known is not None:
+            asked &= self.known
+        return bool(((flag & FAILING) != 0)[asked].mean() <= LOST_FROM_START) if asked.any() else False
 
     def backwards(self) -> Start:
         """The same from frame 1 to frame 0, at points of frame 1."""

@@ -77,13 +77,18 @@ def placed(maps: NDArray[Any], grid: Grid, share: float) -> NDArray[np.float64]:
     return np.where(good, told, maps)
 
 
-def leaves(maps: NDArray[Any], grid: Grid, shape: tuple[int, int], reference: str) -> NDArray[np.bool_]:
-    """Points whose place in frame 0 or in frame 1 lies outside the frame; (rows, columns), False where NaN."""
+def leaves(
+    maps: NDArray[Any], grid: Grid, shape: tuple[int, int], reference: str, margin: float = 0.0
+) -> NDArray[np.bool_]:
+    """Points whose place in frame 0 or in frame 1 lies outside the frame, or closer than `margin` to its border;
+    (rows, columns), False where NaN.
+    """
     height, width = shape
     outside = np.zeros(grid.shape, np.bool_)
     for way in (1 - SHARE[reference], -SHARE[reference]):
         x, y = grid.x + way * maps[0], grid.y[:, None] + way * maps[1]
-        outside |= ~((x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1))
+        inside = (x >= margin) & (x <= width - 1 - margin) & (y >= margin) & (y <= height - 1 - margin)
+        outside |= ~inside
     return outside & np.isfinite(maps[:2]).all(axis=0)
 
 

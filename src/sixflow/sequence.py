@@ -8,7 +8,7 @@ measured from r is joined to the motion from frame 0 to r along the trajectories
 |---|---|
 | None | frame 0 |
 | k | the last frame before n whose number is a multiple of k; 1: the frame before ("incremental") |
-| "lost" | the same frame as n − 1; from n − 1 if the share of valid points has fallen below `LOST` of what it was |
+| "lost" | the same frame as n − 1; from n − 1 if fewer than `LOST` of its points that stay in the frame are valid |
 
 A mask of frame 0 goes along with the motion to every new reference frame.
 """
@@ -22,20 +22,21 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sixflow.convention import SIX
 from sixflow.errors import InputError
-from sixflow.field.flags import FAILING
 from sixflow.masks import Bodies, Masks
 from sixflow.pieces import Start
+from sixflow.placing import leaves
 from sixflow.session import PairResult, Prepared, Session
 from sixflow.trajectory import Motion, carried, joined
+from sixflow.validate import fill_failed
 
 Update: TypeAlias = int | Literal["lost"] | None
 
 LOST = 0.8
-"""Share of the points valid at first below which the correlation with a reference frame counts as lost."""
+"""Share of the points valid at first, and still inside the frame, below which correlation counts as lost."""
 
 
 def check_update(update: object, pairs: str, reference: str) -> Update:
@@ -49,7 +50,8 @@ def check_update(update: object, pairs: str, reference: str) -> Update:
     whole = isinstance(update, int) and not isinstance(update, bool) and update >= 1
     if not (update is None or update == "lost" or whole):
         raise InputError(
-            f"update={update!r}: must be a whole number of frames, at least 1, or 'lost', or None to keep the first frame"
+            f"update={update!r}: must be a whole number of frames, at least 1, or 'lost', or None for "
+            "the first frame throughout"
         )
     if update is not None and pairs != "first":
         raise InputError(f"update={update!r}: goes with pairs='first' only, but pairs={pairs!r}")
@@ -74,15 +76,15 @@ class Stage:
         From frame 0 to this one; None for frame 0 itself.
     start : Start or None
         What was found for the last frame.
-    valid : int or None
-        Number of points that were valid in the first measurement from here.
+    valid : bool array, shape (rows, columns), or None
+        Points that were valid in the first measurement from here.
     """
 
     number: int
     frame: Prepared
     base: Motion | None
     start: Start | None = None
-    valid: int | None = None
+    valid: NDArray[np.bool_] | None = None
 
 
 class Follower:
@@ -111,7 +113,7 @@ class Follower:
 
     def needs(self, number: int) -> bool:
         """Whether a frame has to be looked at: others lie between what is done and what the rest starts from."""
-        if number in (0, self.from_number):
+        if number in (0, self.from_number) or (number == self.skip and self.update == "lost"):
             return True
         return number > (self.skip if self._directly else self.from_number)
 
@@ -134,7 +136,15 @@ class Follower:
         if number == self.from_number:
             assert self.done is not None
             base = _stored_motion(self.done, number - 1)
-            self.stage = self._staged(number, self._prepared(number, raw, bodies, base), base)
+            self.stage = Stage(number, self._prepared(number, raw, bodies, base), base)
+            return None
+        if number == self.skip and self._directly:  # may become a reference yet
+            assert self.done is not None
+            self._before = (
+                number,
+                self._prepared(number, raw, bodies, None),
+                _stored_motion(self.done, number - 1),
+            )
             return None
         result = self._measured(number, self._prepared(number, raw, bodies, None))
         return result if number > self.skip else None
@@ -142,7 +152,7 @@ class Follower:
     def _resume_directly(self, stage: Stage, done: xr.Dataset) -> None:
         last = _stored_motion(done, self.skip - 1)
         stage.start = Start.from_six(last.six, last.flag, last.body)
-        stage.valid = int(_stored_motion(done, 0).valid.sum())
+        stage.valid = _stored_motion(done, 0).valid
 
     def _prepared(self, number: int, raw: ArrayLike, bodies: Bodies | None, base: Motion | None) -> Prepared:
         """A frame with its own mask, or with that of frame 0, moved along, if it is to be a reference."""
@@ -157,9 +167,6 @@ class Follower:
             return frame
         return dataclasses.replace(frame, bodies=carried(self.first.bodies, base, self.session.grid))
 
-    def _staged(self, number: int, frame: Prepared, base: Motion) -> Stage:
-        return Stage(number, frame, base)
-
     def _measured(self, number: int, frame: Prepared) -> PairResult:
         stage = self.stage
         assert stage is not None
@@ -169,21 +176,30 @@ class Follower:
             self.update == "lost"
             and before is not None
             and before[0] > stage.number
-            and _is_lost(stage, step)
+            and self._lost(stage, step)
         ):
             at, prepared, motion = before
-            self.stage = stage = self._staged(at, self._masked(prepared, motion), motion)
+            self.stage = stage = Stage(at, self._masked(prepared, motion), motion)
             step = self._step(stage, number, frame)
-        valid = step.flag & FAILING
-        stage.valid = int((valid == 0).sum()) if stage.valid is None else stage.valid
+        stage.valid = step.motion.valid if stage.valid is None else stage.valid
         stage.start = Start.from_six(step.six, step.flag, step.body)
         result = step
         if self.update is not None:
             result = self._joined(stage, step, frame)
             self._before = (number, frame, result.motion)
             if self.update != "lost" and number - stage.number >= self.update:
-                self.stage = self._staged(number, self._masked(frame, result.motion), result.motion)
+                self.stage = Stage(number, self._masked(frame, result.motion), result.motion)
         return result
+
+    def _lost(self, stage: Stage, step: PairResult) -> bool:
+        """Whether too many points fail that were valid at first and whose windows stay in the frame."""
+        grid, shape = self.session.grid, self.session.shape
+        assert shape is not None
+        if stage.valid is None or stage.start is None:
+            return False
+        places = fill_failed(stage.start.maps, grid.step)
+        asked = stage.valid & ~leaves(places, grid, shape, "first", self.session.settings.window / 2)
+        return bool(step.motion.valid[asked].mean() < LOST) if asked.any() else False
 
     def _step(self, stage: Stage, number: int, frame: Prepared) -> PairResult:
         return self.session.measure_pair(stage.frame, frame, (stage.number, number), stage.start)
@@ -197,18 +213,13 @@ class Follower:
             named = not self.masks.moving or (self.first.bodies is not None and self.first.bodies.named)
             motion = joined(stage.base, motion, self.session.grid, self.session.shape, named=named)
         parts = (self.first, stage.frame, frame)
-        digest = hashlib.sha256(b"".join(part.digest for part in parts) + self.first.mask_digest)
+        digest = hashlib.sha256(b"".join(part.digest for part in parts) + self.first.mask_content)
         return dataclasses.replace(
             step, six=motion.six, covariance=motion.covariance, moved_covariance=motion.moved_covariance,
             flag=motion.flag, residual=motion.residual, noise=motion.noise, body=motion.body,
             numbers=(0, step.numbers[1]), measured_from=stage.number,
             digest=digest.hexdigest()[:16] if stage.number else step.digest,
         )  # fmt: skip
-
-
-def _is_lost(stage: Stage, step: PairResult) -> bool:
-    valid = int(((step.flag & FAILING) == 0).sum())
-    return stage.valid is not None and valid < LOST * stage.valid
 
 
 def _stage_after(update: Update, done: xr.Dataset | None, skip: int) -> int:

@@ -23,6 +23,7 @@ from sixflow.field.dataset import FAILING, build_field
 from sixflow.field.flags import FLAGS
 from sixflow.grid import Grid
 from sixflow.lighting import Change
+from sixflow.light import RegionLight
 from sixflow.masks import Bodies
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
 from sixflow.passes import Workspace
@@ -79,7 +80,10 @@ class PairResult:
 
 @dataclasses.dataclass
 class Prepared:
-    """A frame that has been checked and normalised, with what is remembered of the raw one."""
+    """A frame that has been checked and normalised, with what is remembered of the raw one.
+
+    `unlit` is the frame before its local light was divided out.
+    """
 
     frame: Frame
     digest: bytes
@@ -87,11 +91,12 @@ class Prepared:
     spread: float
     notes: tuple[str, ...]
     bodies: Bodies | None = None
+    unlit: Frame | None = None
 
     @property
-    def mask_digest(self) -> bytes:
-        """Digest of the mask; empty without one."""
-        return b"" if self.bodies is None else self.bodies.digest
+    def mask_content(self) -> bytes:
+        """The mask, for digests; empty without one."""
+        return b"" if self.bodies is None else self.bodies.content
 
 
 class Session:
@@ -140,9 +145,11 @@ class Session:
         sample = _sample(image, valid if bodies is None else both_valid(bodies.inside, valid))
         digest = hashlib.sha256(np.ascontiguousarray(array).data).digest()
         mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
+        unlit = None
         if self.settings.lighting == "local":
+            unlit = Frame(image, valid)
             image = flatten_lighting(image, valid, self.settings.sigma)
-        return Prepared(Frame(image, valid), digest, mean, spread, notes, bodies)
+        return Prepared(Frame(image, valid), digest, mean, spread, notes, bodies, unlit)
 
     def _begin(self, first: NDArray[Any], name: str) -> None:
         """Take shape, grid and the grey constant from the first frame."""
@@ -204,9 +211,9 @@ class Session:
             measured[name][failed] = np.nan
         if settings.replace_failed:
             flag |= _replace(measured["six"], measured["covariance"], flag, self.grid, self.settings)
-        digest = hashlib.sha256(reference.digest + moved.digest + reference.mask_digest)
+        digest = hashlib.sha256(reference.digest + moved.digest + reference.mask_content)
         if self.masks_move:
-            digest.update(moved.mask_digest)
+            digest.update(moved.mask_content)
         memory = (
             self.workspace.nbytes
             + reference.frame.nbytes
@@ -274,20 +281,41 @@ class Session:
         grid, places = within
         region, asked, other = (frame.part(part) for frame in self._frames_of(reference, moved, number))
         known = None if start is None else start.of(number, places, grid)
-        if (
-            settings.reference == "second"
-        ):  # frame 1 is the one that stays: frame 0 is found from it, backwards
+        light = self._light(reference, moved, number, part, grid)
+        if settings.reference == "second":  # frame 1 is the one that stays: frame 0 is found from it, backwards
             known = None if known is None else known.backwards()
             swapped = settings.replace(reference="first")
-            found = Between(other, region, other, grid, swapped, self.workspace).measure(known)
+            found = Between(other, region, other, grid, swapped, self.workspace, light).measure(known)
             maps = -found.maps
         else:
-            found = Between(region, other, asked, grid, settings, self.workspace).measure(known)
+            found = Between(region, other, asked, grid, settings, self.workspace, light).measure(known)
             maps = found.maps
         flag, quality = found.flag, found.quality
         flag[masked_points(maps, grid, asked.valid, settings.reference)] = FLAGS["masked"]
         return Found(
             maps, quality.covariance, quality.residual, quality.noise, quality.rho, found.window, found.period, flag, None
+        )  # fmt: skip
+
+    def _light(
+        self,
+        reference: Prepared,
+        moved: Prepared,
+        number: int | None,
+        part: tuple[slice, slice],
+        grid: Grid,
+    ) -> RegionLight | None:
+        """What divides out the local light inside a body alone; None where there is no body, or no need."""
+        bodies = reference.bodies
+        if bodies is None or reference.unlit is None or moved.unlit is None:
+            return None
+        inside = bodies.inside if number is None else (bodies.labels == number).astype(np.uint8)
+        there = None
+        if self.masks_move and moved.bodies is not None:
+            there = moved.bodies.inside if number is None else moved.bodies.partner(number, bodies.named)
+            there = there[part]
+        return RegionLight(
+            reference.unlit.part(part), moved.unlit.part(part), inside[part], there, grid, self.settings.sigma,
+            self.settings.reference == "second",
         )  # fmt: skip
 
     def _frames_of(

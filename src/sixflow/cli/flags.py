@@ -48,6 +48,16 @@ def number_reader(hint: Any) -> Callable[[Any, Sequence[Token]], int | float | s
     return read
 
 
+def read_update(_: Any, tokens: Sequence[Token]) -> int | str | None:
+    """Read how often a reference frame is renewed: a whole number, 'lost' or 'none'; a converter of cyclopts."""
+    text = tokens[0].value
+    if text.lower() in ("lost", "none"):
+        return None if text.lower() == "none" else "lost"
+    with contextlib.suppress(ValueError):
+        return int(text)
+    raise ValueError(f"{text!r} is neither a whole number nor 'lost'.")
+
+
 Whole: TypeAlias = Annotated[int, Parameter(converter=number_reader(int))]
 """A whole number."""
 

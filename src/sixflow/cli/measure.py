@@ -8,12 +8,12 @@ import itertools
 import time
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from cyclopts import Parameter
 
 from sixflow.cli.errors import say
-from sixflow.cli.flags import Output, Switch
+from sixflow.cli.flags import Output, Switch, read_update
 from sixflow.cli.progress import announce_compilation, progress
 from sixflow.cli.settings_flags import SettingsFlags, gather_settings
 from sixflow.errors import InputError, MeasurementError
@@ -21,13 +21,16 @@ from sixflow.settings import Settings
 from sixflow.version import __version__
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from sixflow.cli.tally import Tally
     from sixflow.frames import FrameSource
+    from sixflow.sequence import Update
 
-Pairs: TypeAlias = Literal["consecutive", "first"]
+Pairs: TypeAlias = Literal["consecutive", "first", "incremental"]
+UpdateFlag: TypeAlias = Annotated[
+    int | Literal["lost"] | None, Parameter(converter=read_update, show_default=False)
+]
 SHOWN_NOTES = 5
 """Notes that are written out; a long recording may have one for every pair."""
 
@@ -40,7 +43,9 @@ def measure(
     flags: Annotated[SettingsFlags | None, Parameter(name="*")] = None,
     settings: Path | None = None,
     mask: Path | None = None,
+    bodies: Switch = False,
     pairs: Pairs = "consecutive",
+    update: UpdateFlag = None,
     overwrite: Switch = False,
     resume: Switch = False,
     plot: Path | None = None,
@@ -61,9 +66,13 @@ def measure(
     settings
         TOML file of settings, with lines such as: window = 41. Flags win over it.
     mask
-        Image of the frames' size: non-zero where to measure.
+        Image of the frames' size: non-zero where to measure. A stack has one for each frame, for bodies that move.
+    bodies
+        The values of the mask are numbers of bodies, which are measured apart even where they touch.
     pairs
-        Each frame against the next, or the first frame against each later one.
+        Each frame against the next; the first frame against each later one; or the latter by steps from frame to frame.
+    update
+        With --pairs first: compare with a new frame every so many frames, or when correlation is 'lost'.
     overwrite
         Replace the output, and the picture of --plot, if they exist.
     resume
@@ -75,6 +84,7 @@ def measure(
     """
     from sixflow.cli.figures import check_figure
     from sixflow.frames import open_frames
+    from sixflow.sequence import check_update
     from sixflow.write import check_output
 
     output = check_output(output, overwrite)
@@ -82,7 +92,11 @@ def measure(
     chosen = gather_settings(flags, settings)
     source = open_frames(frames[0] if len(frames) == 1 else list(frames))
     _require_pair(source, frames)
-    job = Job(source, chosen, pairs, None if mask is None else read_mask(mask))
+    if bodies and mask is None:
+        raise InputError("--bodies: there is no mask whose values could be numbers of bodies; give --mask")
+    check_update(update, pairs, chosen.reference)
+    job = Job(source, chosen, pairs, update, None if mask is None else read_mask(mask, bodies=bodies))
+    _require_masks(job, mask)
     tally, seconds = _measure_into(output, job, overwrite=overwrite, resume=resume, quiet=quiet)
     if picture is not None:
         _draw_first(job, picture)
@@ -99,7 +113,8 @@ class Job:
     source: FrameSource
     settings: Settings
     pairs: Pairs
-    mask: NDArray[np.bool_] | None
+    update: Update
+    mask: NDArray[Any] | None
 
     @property
     def pair_count(self) -> int:
@@ -113,7 +128,7 @@ class Job:
         return {
             "settings": self.settings.to_json(),
             "frames": f"{len(self.source)} frames, the first with digest {self.source.fingerprint}",
-            "pairs": self.pairs,
+            "pairs": self.pairs if self.update is None else f"{self.pairs}, update {self.update}",
             "mask": mask,
             "sixflow_version": __version__,
         }
@@ -133,7 +148,13 @@ def _measure_into(
         started = time.perf_counter()
         with progress(job.pair_count, writer.done, quiet=quiet) as advance:
             for field in iterate_sequence(
-                job.source, pairs=job.pairs, mask=job.mask, settings=job.settings, skip=writer.done
+                job.source,
+                pairs=job.pairs,
+                update=job.update,
+                mask=job.mask,
+                settings=job.settings,
+                skip=writer.done,
+                done=writer.stored(),
             ):
                 writer.append(field)
                 tally.add(field)
@@ -148,21 +169,29 @@ def _draw_first(job: Job, path: Path) -> None:
     from sixflow.plot import plot_field
 
     frames = list(itertools.islice(job.source, 2))
-    field = measure_pair(*frames, mask=job.mask, settings=job.settings)
+    mask = job.mask[:2] if job.mask is not None and job.mask.ndim == 3 else job.mask
+    field = measure_pair(*frames, mask=mask, settings=job.settings)
     with staged_figure(path) as partial:
-        plot_field(field, frames[0], path=partial)
+        plot_field(field, frames[job.settings.reference == "second"], path=partial)
 
 
-def read_mask(path: Path) -> NDArray[np.bool_]:
-    """Return where the mask is not zero, from an image file.
+def read_mask(path: Path, *, bodies: bool = False) -> NDArray[Any]:
+    """Return where the mask is not zero, or its values as numbers of bodies, from an image file.
+
+    Returns
+    -------
+    bool array, or int array if `bodies`
+        Shape (height, width), or (n, height, width) of a stack.
 
     Raises
     ------
     FrameFileError
         If the file cannot be read.
     InputError
-        If it holds several frames, or is a JPEG, whose compression disturbs the zeros.
+        If it is a JPEG, whose compression disturbs the values, or the numbers of bodies are no whole numbers.
     """
+    import numpy as np
+
     from sixflow.frames import open_frames
 
     if path.suffix.lower() in (".jpg", ".jpeg"):
@@ -170,10 +199,21 @@ def read_mask(path: Path) -> NDArray[np.bool_]:
             f"mask {path}: JPEG compression disturbs the zeros of a mask; save it as PNG or TIFF"
         )
     source = open_frames(path)
-    if len(source) != 1:
-        raise InputError(f"mask {path}: {len(source)} frames; give an image of one")
-    values = next(iter(source))
-    return (values != 0) & (values == values)  # NaN is no value, so not measured
+    values = np.stack(list(source))
+    if bodies:
+        if not (values == np.floor(values)).all():
+            raise InputError(f"mask {path}: has values that are no whole numbers; number the bodies 1, 2, …")
+        marked = values.astype(np.int64)
+    else:
+        marked = (values != 0) & (values == values)  # NaN is no value, so not measured
+    return marked[0] if len(marked) == 1 else marked
+
+
+def _require_masks(job: Job, path: Path | None) -> None:
+    if job.mask is not None and job.mask.ndim == 3 and len(job.mask) != len(job.source):
+        raise InputError(
+            f"mask {path}: {len(job.mask)} masks for {len(job.source)} frames; give one for each frame, or one for all"
+        )
 
 
 def say_notes(notes: Iterable[str]) -> None:

@@ -122,6 +122,10 @@ class RecordingWriter:
         if identity:
             self._compare(identity, self._progress.identity)
 
+    def stored(self) -> xr.Dataset | None:
+        """The pairs that are already safe, to be read as they are needed; None if there are none."""
+        return zarrstore.read(self._store) if self.done else None
+
     def append(self, field: xr.Dataset) -> None:
         """Add the field of the next pair or pairs, dims (time, y, x, ...), on the same grid as the first.
 
