@@ -35,7 +35,7 @@ from sixflow.engine.blend import blend_strip, twist_of
 from sixflow.engine.moments import affine_moments_strip
 from sixflow.engine.response import quotient
 from sixflow.engine.threads import over_strips
-from sixflow.engine.window import moment_weights
+from sixflow.engine.window import moment_weights, plain_window
 from sixflow.grid import Grid
 from sixflow.passes import Passes
 from sixflow.validate import settle, typical
@@ -145,6 +145,7 @@ def sharpen(passes: Passes, maps: NDArray[Any]) -> tuple[NDArray[Any], NDArray[A
     """
     settings, step = passes.settings, passes.grid.step
     window = UniformWindow(passes.grid, settings.sigma, passes.counted())
+    reach = plain_window(settings.window, settings.sharpen)
     maps = window.deconvolve(settle(maps, step, settings.window), settings.sharpen)
     left = np.full(passes.grid.shape, np.inf)
     stride, before = 1.0, np.inf
@@ -156,7 +157,7 @@ def sharpen(passes: Passes, maps: NDArray[Any]) -> tuple[NDArray[Any], NDArray[A
         size = typical(distance)
         if size > 0.7 * before:
             stride = max(stride / 2, 1 / 8)
-        maps = settle(maps + stride * (aim - maps), step, settings.window)
+        maps = settle(maps + stride * (aim - maps), step, reach)
         left, before = distance * (SHARPENED if stride == 1 else 1.0), size
         if typical(left) < settings.tolerance:
             break

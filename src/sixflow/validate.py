@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from sixflow.engine.compiler import kernel
 from sixflow.engine.threads import over_strips
+from sixflow.engine.window import plain_window
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
@@ -225,7 +226,8 @@ def flag_points(
     masked = _masked(reference.valid, grid)
     trusted = np.where((flag & FAILING).astype(bool) | masked, np.nan, maps)
     floor = np.maximum(FLOOR, np.nan_to_num(error, nan=FLOOR))
-    flag[median_outliers(trusted, grid.step, settings.window, floor)] |= FLAGS["outlier"]
+    reach = plain_window(settings.window, settings.sharpen)
+    flag[median_outliers(trusted, grid.step, reach, floor)] |= FLAGS["outlier"]
     flag[_unsupported((flag & FAILING).astype(bool) & ~masked, masked)] |= FLAGS["outlier"]
     flag[masked] = FLAGS["masked"]
     return flag
