@@ -14,13 +14,21 @@ from sixflow.validate import settle, typical
 EXPLAINED = 0.01  # share of the residual's power that a last pass may still take out
 
 
-def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, NDArray[Any]]:
+def refine(passes: Passes, start: NDArray[Any], *, sharpened: bool = False) -> tuple[NDArray[Any], Quality, NDArray[Any]]:
     """Passes in total form until the points stay, then sharpening passes.
 
     A pass brings a point close to its fixed point at once. What is left is the update times the rate at
     which passes contract: the noise's share of the normal matrix, or a few percent where that is less
     (`Passes.contraction`). The passes end when this is below the tolerance and the
     last update no longer changed the residual, from which the covariance is taken.
+
+    Parameters
+    ----------
+    passes : Passes
+    start : float64 array, shape (6, rows, columns)
+        Without NaN.
+    sharpened : bool
+        The start was measured with sharpening by another window: sharpening passes alone.
 
     Returns
     -------
@@ -32,7 +40,7 @@ def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, 
     """
     settings, step = passes.settings, passes.grid.step
     maps, left = start, np.full(passes.grid.shape, np.inf)
-    for k in range(settings.passes):
+    for k in range(0 if sharpened else settings.passes):
         filled = settle(passes.dense(maps), step, settings.window) if k else maps
         maps = passes.solve(filled)
         update = np.hypot(maps[0] - filled[0], maps[1] - filled[1])
@@ -40,5 +48,5 @@ def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, 
         if typical(left) < settings.tolerance and passes.explained() < EXPLAINED:
             break
     if settings.sharpen:
-        maps, left = sharpen(passes, maps)
+        maps, left = sharpen(passes, maps, sharpened=sharpened)
     return maps, passes.quality(settings.sharpen), left

@@ -190,7 +190,7 @@ class Session:
         if self.asked.window == "auto":
             levels: list[Level] = []
             for settings in reversed(ladder(self.asked, region.image.shape)):
-                levels.insert(0, self._level(region, moved, start, settings))
+                levels.insert(0, self._level(region, moved, start, settings, sharpened=bool(levels)))
                 start = settle(
                     np.where(levels[0].usable, levels[0].maps, np.nan), self.grid.step, settings.window
                 )
@@ -206,10 +206,10 @@ class Session:
             level.period * everywhere,
         )
 
-    def _level(self, region: Frame, moved: Frame, start: NDArray[Any], settings: Settings) -> Level:
+    def _level(self, region: Frame, moved: Frame, start: NDArray[Any], settings: Settings, *, sharpened: bool = False) -> Level:
         """Refine a start with one window and judge it."""
         passes = passes_of(settings)(region, moved, self.grid, settings, self.workspace)
-        maps, quality, left = refine(passes, start)
+        maps, quality, left = refine(passes, start, sharpened=sharpened)
         flag = flag_points(passes.dense(maps), quality, left, self.grid, region, settings)
         return Level(settings, maps, quality, left, flag)
 

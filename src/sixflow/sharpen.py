@@ -126,15 +126,17 @@ class UniformWindow:
         return total
 
 
-def sharpen(passes: Passes, maps: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def sharpen(passes: Passes, maps: NDArray[Any], *, sharpened: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
     """Sharpening passes until the points stay, with shorter strides when they do not come nearer.
 
     Parameters
     ----------
     passes : Passes
-        After its last pass in total form.
+        After its last pass in total form, if there was one.
     maps : float64 array, shape (6, rows, columns)
-        What that pass found.
+        What that pass found, or a field.
+    sharpened : bool
+        `maps` is a field, which another window measured with sharpening.
 
     Returns
     -------
@@ -146,7 +148,9 @@ def sharpen(passes: Passes, maps: NDArray[Any]) -> tuple[NDArray[Any], NDArray[A
     settings, step = passes.settings, passes.grid.step
     window = UniformWindow(passes.grid, settings.sigma, passes.counted())
     reach = plain_window(settings.window, settings.sharpen)
-    maps = window.deconvolve(settle(maps, step, settings.window), settings.sharpen)
+    maps = settle(maps, step, settings.window)
+    if not sharpened:
+        maps = window.deconvolve(maps, settings.sharpen)
     left = np.full(passes.grid.shape, np.inf)
     stride, before = 1.0, np.inf
     for _ in range(SHARPEN_PASSES):
