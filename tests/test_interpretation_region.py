@@ -52,7 +52,7 @@ def spectrum_of(sharpen, size=256):
 
 @pytest.mark.parametrize("sharpen", [0, 1, 4])
 def test_correlation_against_the_spectrum_of_the_response(sharpen):
-    parts = spectrum_of(sharpen)
+    parts = spectrum_of(sharpen, 512)
     covariance = np.fft.ifft2(np.conj(parts)[:, None] * parts[None]).real  # [i, j, dy, dx], d = q − p
     size = np.sqrt(np.diagonal(covariance[..., 0, 0]))
     expected = covariance / (size[:, None] * size[None])[..., None, None]

@@ -129,20 +129,20 @@ class Between:
             return self._single(Judged(level.maps, level.quality, level.flag), self.settings)
         levels: list[Level] = []
         for settings in reversed(ladder(self.settings, self.still.image.shape)):
-            levels.insert(0, self._level(start, settings))
+            levels.insert(0, self._level(start, settings, sharpened=bool(levels)))
             start = settle(
                 np.where(levels[0].usable, levels[0].maps, np.nan), self.grid.step, settings.window
             )
         chosen = choose(levels, self.grid)
         return Measured(chosen.maps, chosen.quality, chosen.flag, chosen.window, chosen.period)
 
-    def _level(self, start: NDArray[Any], settings: Settings) -> Level:
-        """Refine a start with one window, and judge it."""
+    def _level(self, start: NDArray[Any], settings: Settings, *, sharpened: bool = False) -> Level:
+        """Refine a start with one window, and judge it; `sharpened`: the start was, by another window."""
         frames = self.still, self.moved
         if self.light is not None:
             frames = self.light.divided_out(*frames, start, SHARE[settings.reference])
         passes = passes_of(settings)(*frames, self.grid, settings, self.workspace)
-        maps, quality, left = refine(passes, start)
+        maps, quality, left = refine(passes, start, sharpened=sharpened)
         flag = flag_points(passes.dense(maps), quality, left, self.grid, self.judged, settings)
         return Level(settings, maps, quality, left, flag)
 

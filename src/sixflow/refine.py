@@ -19,7 +19,7 @@ WEIGHED_SHARE = (
 EXPLAINED = 0.01  # share of the residual's power that a last pass may still take out
 
 
-def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, NDArray[Any]]:
+def refine(passes: Passes, start: NDArray[Any], *, sharpened: bool = False) -> tuple[NDArray[Any], Quality, NDArray[Any]]:
     """Passes in total form until the points stay, then sharpening passes.
 
     A pass brings a point close to its fixed point at once. What is left is the update times the rate at
@@ -27,6 +27,14 @@ def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, 
     (`Passes.contraction`). The passes end when this is below the tolerance and the
     last update no longer changed the residual, from which the covariance is taken. If the residual then shows
     pixels that do not belong (`Passes.distrust`), further passes give these little weight.
+
+    Parameters
+    ----------
+    passes : Passes
+    start : float64 array, shape (6, rows, columns)
+        Without NaN.
+    sharpened : bool
+        The start was measured with sharpening by another window: sharpening passes alone.
 
     Returns
     -------
@@ -39,8 +47,11 @@ def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, 
     settings, step = passes.settings, passes.grid.step
     maps, left = start, np.full(passes.grid.shape, np.inf)
     passes.begin()
+    if sharpened:
+        passes.solve(maps, total=False)
+        passes.distrust()
     done = 0
-    while done < settings.passes * (WEIGHED_PASSES if passes.robust else 1):
+    while not sharpened and done < settings.passes * (WEIGHED_PASSES if passes.robust else 1):
         filled = settle(passes.dense(maps), step, settings.window) if done or passes.robust else maps
         maps = passes.solve(filled)
         done += 1
@@ -53,5 +64,5 @@ def refine(passes: Passes, start: NDArray[Any]) -> tuple[NDArray[Any], Quality, 
         if most < settings.tolerance and passes.explained() < EXPLAINED:
             break
     if settings.sharpen:
-        maps, left = sharpen(passes, maps)
+        maps, left = sharpen(passes, maps, sharpened=sharpened)
     return maps, passes.quality(settings.sharpen), left

@@ -35,7 +35,7 @@ from sixflow.engine.blend import blend_strip, twist_of
 from sixflow.engine.moments import affine_moments_strip
 from sixflow.engine.response import quotient
 from sixflow.engine.threads import over_strips
-from sixflow.engine.window import moment_weights
+from sixflow.engine.window import moment_weights, plain_window
 from sixflow.grid import Grid
 from sixflow.passes import Passes
 from sixflow.validate import settle, typical
@@ -126,15 +126,17 @@ class UniformWindow:
         return total
 
 
-def sharpen(passes: Passes, maps: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def sharpen(passes: Passes, maps: NDArray[Any], *, sharpened: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
     """Sharpening passes until the points stay, with shorter strides when they do not come nearer.
 
     Parameters
     ----------
     passes : Passes
-        After its last pass in total form.
+        After its last pass in total form, if there was one.
     maps : float64 array, shape (6, rows, columns)
-        What that pass found.
+        What that pass found, or a field.
+    sharpened : bool
+        `maps` is a field, which another window measured with sharpening.
 
     Returns
     -------
@@ -145,7 +147,10 @@ def sharpen(passes: Passes, maps: NDArray[Any]) -> tuple[NDArray[Any], NDArray[A
     """
     settings, step = passes.settings, passes.grid.step
     window = UniformWindow(passes.grid, settings.sigma, passes.counted())
-    maps = window.deconvolve(settle(maps, step, settings.window), settings.sharpen)
+    reach = plain_window(settings.window, settings.sharpen)
+    maps = settle(maps, step, settings.window)
+    if not sharpened:
+        maps = window.deconvolve(maps, settings.sharpen)
     left = np.full(passes.grid.shape, np.inf)
     stride, before = 1.0, np.inf
     for _ in range(SHARPEN_PASSES):
@@ -156,7 +161,7 @@ def sharpen(passes: Passes, maps: NDArray[Any]) -> tuple[NDArray[Any], NDArray[A
         size = typical(distance)
         if size > 0.7 * before:
             stride = max(stride / 2, 1 / 8)
-        maps = settle(maps + stride * (aim - maps), step, settings.window)
+        maps = settle(maps + stride * (aim - maps), step, reach)
         left, before = distance * (SHARPENED if stride == 1 else 1.0), size
         if typical(left) < settings.tolerance:
             break

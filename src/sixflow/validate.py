@@ -27,7 +27,7 @@ from sixflow.consistency import (
 )
 from sixflow.engine.compiler import kernel
 from sixflow.engine.threads import over_strips
-from sixflow.engine.window import attenuation_period
+from sixflow.engine.window import attenuation_period, plain_window
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
@@ -238,8 +238,9 @@ def flag_points(
     masked = masked_points(maps, grid, reference.valid, settings.reference)
     trusted = np.where((flag & FAILING).astype(bool) | masked, np.nan, maps)
     floor = np.maximum(FLOOR, np.nan_to_num(error, nan=FLOOR))
-    floor += CURVED / LIMIT * curvature(trusted, grid.step, settings.window)
-    flag[median_outliers(trusted, grid.step, settings.window, floor)] |= FLAGS["outlier"]
+    reach = plain_window(settings.window, settings.sharpen)
+    floor += CURVED / LIMIT * curvature(trusted, grid.step, reach)
+    flag[median_outliers(trusted, grid.step, reach, floor)] |= FLAGS["outlier"]
     _compare_with_neighbours(
         flag, np.where((flag & FAILING).astype(bool), np.nan, trusted), quality, grid, settings
     )

@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.response import powers, response
+from sixflow.engine.response import powers, resolved, response
 
 CUT = 3.5
 
@@ -52,6 +52,17 @@ def attenuation_period(sigma: float, sharpen: int = 0, attenuation: float = 0.1)
         middle = (low + high) / 2
         low, high = (middle, high) if response(middle, sharpen) < 1 - attenuation else (low, middle)
     return 2 * math.pi * sigma / math.sqrt(-2 * math.log(high))
+
+
+def plain_window(window: float, sharpen: int) -> float:
+    """Window, px, that resolves without sharpening what `window` resolves with it: where neighbours may differ.
+
+    Examples
+    --------
+    >>> round(plain_window(31, 2), 1)
+    12.7
+    """
+    return window * math.sqrt(math.log(resolved(0)) / math.log(resolved(sharpen)))
 
 
 @cache
