@@ -115,7 +115,9 @@ class _Search:
         return found
 
     def share(self, found: Judged) -> float:
-        """Share of the points that were missed."""
+        """Share of the points that were missed; 0 if at first sight they are too few to matter."""
+        if self.scene.staying(found).mean() <= MISSED:
+            return 0.0
         return float(self.scene.missed(found).mean())
 
     def better(self, one: Judged, other: Judged) -> Judged:
