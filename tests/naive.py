@@ -130,7 +130,9 @@ def in_moved_axes(gx, gy, u, v, plane):
     F = np.array([[1 + plane[2] + u_x, plane[3] + u_y], [plane[4] + v_x, 1 + plane[5] + v_y]])
     F = np.moveaxis(F, (0, 1), (-2, -1))
     F = np.where((np.linalg.det(F) > 0.05)[..., None, None], F, np.eye(2))
-    return np.moveaxis(np.linalg.solve(np.swapaxes(F, -1, -2), np.stack([gx, gy], -1)[..., None])[..., 0], -1, 0)
+    return np.moveaxis(
+        np.linalg.solve(np.swapaxes(F, -1, -2), np.stack([gx, gy], -1)[..., None])[..., 0], -1, 0
+    )
 
 
 def warp(reference, moved, maps, grid, plane, degree, total, noise, *, valid0=None, valid1=None, light=None):

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import joined_attrs, said_of_pairs
+from sixflow.search.guess import without_guess
 from sixflow.session import Prepared, Session
 from sixflow.settings import Settings, SettingsOptions
 
@@ -77,7 +78,9 @@ def measure(
     >>> float(abs(field.divergence - 0.04).max()) < 0.02
     True
     """
-    session = Session((settings or Settings()).replace(**options), mask)
+    chosen, guess = without_guess(settings or Settings(), options)
+    session = Session(chosen, mask)
+    session.guess = guess
     frames = [session.prepare(frame, f"frame{k}") for k, frame in enumerate((frame0, frame1))]
     return session.field(session.measure_pair(frames[0], frames[1], (0, 1)), [0.0], "frame")
 
@@ -157,7 +160,9 @@ def iterate_sequence(
     """
     if pairs not in get_args(Pairs):
         raise InputError(f"pairs={pairs!r}: must be one of 'consecutive', 'first'")
-    session = Session((settings or Settings()).replace(**options), mask)
+    chosen, guess = without_guess(settings or Settings(), options)
+    session = Session(chosen, mask)
+    session.guess = guess
     stamps = getattr(frames, "times", None) if times is None else times
     reference: Prepared | None = None
     count = 0

@@ -26,6 +26,7 @@ from sixflow.passes import Passes, Workspace
 from sixflow.refine import refine
 from sixflow.restriction import ABSENT
 from sixflow.search.growth import Judged, Scene
+from sixflow.search.guess import Guess, maps_of_guess
 from sixflow.search.stage import find_motion
 from sixflow.settings import Settings
 from sixflow.validate import flag_points
@@ -68,7 +69,7 @@ class Session:
         self.workspace = Workspace()
         self.shape: tuple[int, int] | None = None
         self.constant, self.scale = 0.0, 1.0
-        self.guess: NDArray[np.float64] | None = None
+        self.guess: Guess | None = None  # of the motion of every pair
 
     def prepare(self, raw: ArrayLike, name: str) -> Prepared:
         """Check and normalise one frame."""
@@ -134,7 +135,8 @@ class Session:
         scene = Scene(
             region, moved.frame, grid, settings.window, lambda start: self._refined(passes, start, region)
         )
-        maps, quality, flag = find_motion(scene, settings, self.workspace, self.guess)
+        guess = None if self.guess is None else maps_of_guess(self.guess, grid)
+        maps, quality, flag = find_motion(scene, settings, self.workspace, guess)
         failed = (flag & FAILING).astype(bool)
         six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, maps, axes=1), 0, -1)
         six[..., ABSENT.get(settings.group, ())] *= 0.0  # by assumption, not by rounding; NaN stays NaN

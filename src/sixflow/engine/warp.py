@@ -6,9 +6,9 @@ For every pixel x, with the dense displacement U (`blend`) and the moved frame's
     (g_x, g_y) = F⁻ᵀ D ½(I₀ + S₁(x + U))     gradient of the mean of the two frames, 8th-order differences D
     q = g·U' − r                             right-hand side of the total form (q = −r in increment form)
 
-F = I + ∂U/∂x: a displacement is counted along the axes of the moved frame, in which ∇S₁ = F⁻ᵀ ∇[S₁(x + U)]. A turn by more
-than a right angle would otherwise make every pass go the wrong way. F is taken from differences of U from pixel to
-pixel; where it folds the plane (det F < 0.05) it is left out.
+F = I + ∂U/∂x: a displacement is counted along the axes of the moved frame, in which ∇S₁ = F⁻ᵀ ∇[S₁(x + U)]. A turn by
+more than a right angle would otherwise make every pass go the wrong way. F is taken from differences of U from pixel
+to pixel; where it folds the plane (det F < 0.05) it is left out.
 
 U' is U less one plane over the whole frame, subtracted from all maps before and added to the solution
 after: exact in exact arithmetic, and it keeps large displacements out of single-precision sums. D acts

@@ -102,7 +102,10 @@ class Scene:
     def _gradient_power(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """λ₁ and λ₂ of every window, from every second pixel; each (rows, columns)."""
         image = self.reference.image
-        x, y = (image[1:-1:2, 2::2] - image[1:-1:2, :-2:2]) / 2, (image[2::2, 1:-1:2] - image[:-2:2, 1:-1:2]) / 2
+        x, y = (
+            (image[1:-1:2, 2::2] - image[1:-1:2, :-2:2]) / 2,
+            (image[2::2, 1:-1:2] - image[:-2:2, 1:-1:2]) / 2,
+        )
         height, width = min(len(x), len(y)), min(x.shape[1], y.shape[1])
         x, y = x[:height, :width], y[:height, :width]
         sigma = window_sigma(self.window) / 2

@@ -1,8 +1,8 @@
 """Plane: one affine map between two whole frames, or parts of them, of any turn, zoom, shear and shift.
 
 1. Candidates for turn, zoom and shear from the amplitude spectra (`spectrum`), which do not move with the shift.
-2. For each, the tiles of frame 0 are looked for in frame 1, and the map that they agree upon is kept (`tiles`), with its
-   evidence; looked for once more with that map.
+2. For each, the tiles of frame 0 are looked for in frame 1, and the map that they agree upon is kept (`tiles`), with
+   its evidence; looked for once more with that map.
 3. The map with the most evidence, if that is more than chance has.
 
 The tiles are compared where both frames have about `MATCH_SIDE` px, frame 1 halved as many times more as the map zooms.
@@ -109,7 +109,7 @@ def _tried(
     """Agreement of the tiles with a linear map of full-size frames, and again with what they agree upon."""
     here = linear * 2.0 ** (levels[0] - levels[1])
     found = agreement(frame.image, frame.valid, hay, here, per_side)
-    if found is None or found.count < 3:
+    if found is None or found.tiles < 3:
         return found
     again = agreement(frame.image, frame.valid, hay, found.linear, per_side + 1)
     return again if again is not None and again.evidence > found.evidence else found

@@ -4,8 +4,15 @@
 |---|---|
 | "pyramid" | coarse to fine, from the frames' common shift |
 | "spectrum" | coarse to fine, from one affine map of the whole frames (`plane`), and growth |
-| "auto" | the pyramid; where more than `MISSED` of the points are missed, growth; where more than `LOST`, a plane for what was missed, and growth; at last, the map captured about the middle |
+| "auto" | the pyramid, and what follows |
 | a guess | refinement from the guess; where more than `MISSED` are missed, coarse to fine from it, and growth |
+
+| "auto", while … of the points are missed | what is tried |
+|---|---|
+| more than `MISSED` | growth |
+| more than `MOSTLY_LOST` | one affine map of the whole frames, coarse to fine from it, and growth |
+| more than `LOST` | one affine map for the largest region that was missed, and growth; for some regions |
+| still more than `MOSTLY_LOST` | the map captured about the middle, coarse to fine from it, and growth |
 
 Of two fields, that with fewer missed points is kept. Nothing is tried where nothing was missed: small motion costs the
 pyramid, and no more.
@@ -55,6 +62,8 @@ def find_motion(
 
 
 class _Search:
+    """The steps, for one scene."""
+
     def __init__(self, scene: Scene, settings: Settings, workspace: Workspace) -> None:
         self.scene, self.settings, self.workspace = scene, settings, workspace
 
@@ -65,12 +74,14 @@ class _Search:
         return scene.judge(maps)
 
     def from_guess(self, guess: NDArray[np.float64]) -> Judged:
+        """The field from a first guess at the grid points."""
         found = self.scene.judge(guess)
         if self.share(found) <= MISSED:
             return found
         return grown(self.better(found, self.coarse_to_fine(guess)), self.scene)
 
     def from_spectrum(self) -> Judged:
+        """The field from one affine map of the whole frames; by the pyramid if there is none."""
         plane = find_plane(self.scene.reference, self.scene.moved, self.scene.window)
         found = self.coarse_to_fine() if plane is None else self.from_plane(plane.six)
         return grown(found, self.scene)
@@ -138,7 +149,7 @@ def _largest(missed: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 def _plane_of(region: NDArray[np.bool_], scene: Scene) -> Plane | None:
     """The affine map of a region of points, from the part of frame 0 that they stand for."""
-    grid, valid = scene.grid, _pixels(region, scene.grid, scene.reference.image.shape)
+    valid = _pixels(region, scene.grid, scene.reference.image.shape)
     if scene.reference.valid.size:
         valid &= scene.reference.valid
     rows, columns = np.flatnonzero(valid.any(axis=1)), np.flatnonzero(valid.any(axis=0))
