@@ -3,7 +3,7 @@
     python benchmarks/search.py              200 motions on two patterns, about 15 minutes on two cores
     python benchmarks/search.py --quick      20 motions
 
-The motions are F = zoom · R(angle) (I + ½ [[a, b], [b, −a]]) with any angle, zoom from ½ to 2 (uniform in its logarithm),
+The motions are F = zoom · R(angle) (I + ½ [[a, b], [b, −a]]) with any angle, zoom from ½ to 2 (uniform in logarithm),
 √(a² + b²) ≤ 0.3, and the middle of the frame moved by up to a quarter of it in each direction. *Found*: of the points
 that stay in both frames with half their window, at least 90 % are given and right. *Wrong*: given, and off by more than
 0.3 px and 5 standard errors. *Refined*: root mean square error over the predicted one.

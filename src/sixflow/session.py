@@ -22,7 +22,7 @@ from sixflow.field.dataset import FAILING, build_field
 from sixflow.grid import Grid
 from sixflow.method import passes_of
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
-from sixflow.passes import Passes, Workspace
+from sixflow.passes import Workspace
 from sixflow.refine import refine
 from sixflow.restriction import ABSENT
 from sixflow.search.growth import Judged, Scene
@@ -131,9 +131,12 @@ class Session:
                 raise InputError(
                     "mask is True only where frame 0 has no value (NaN or infinite): nothing is left to measure"
                 )
-        passes = passes_of(settings)(region, moved.frame, grid, settings, self.workspace)
         scene = Scene(
-            region, moved.frame, grid, settings.window, lambda start: self._refined(passes, start, region)
+            region,
+            moved.frame,
+            grid,
+            settings.window,
+            lambda start, of: self._refined(of, moved.frame, start),
         )
         guess = None if self.guess is None else maps_of_guess(self.guess, grid)
         maps, quality, flag = find_motion(scene, settings, self.workspace, guess)
@@ -164,10 +167,12 @@ class Session:
             **measured, flag=flag, numbers=numbers, digest=digest.hexdigest()[:16], notes=notes, memory=memory
         )
 
-    def _refined(self, passes: Passes, start: NDArray[Any], region: Frame) -> Judged:
+    def _refined(self, reference: Frame, moved: Frame, start: NDArray[Any]) -> Judged:
         """Refine a start and judge it."""
+        settings = self.settings
+        passes = passes_of(settings)(reference, moved, self.grid, settings, self.workspace)
         maps, quality, left = refine(passes, start)
-        flag = flag_points(passes.dense(maps), quality, left, self.grid, region, self.settings)
+        flag = flag_points(passes.dense(maps), quality, left, self.grid, reference, settings)
         return Judged(maps, quality, flag)
 
     def field(self, result: PairResult, time: Sequence[float], unit: str) -> xr.Dataset:

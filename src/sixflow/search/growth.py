@@ -45,6 +45,22 @@ class Judged(NamedTuple):
     quality: Quality
     flag: NDArray[np.uint8]
 
+    def joined(self, other: Judged, where: NDArray[np.bool_]) -> Judged:
+        """These points, and the other's where that is said; `where` of shape (rows, columns)."""
+        quality = dataclasses.replace(
+            self.quality,
+            **{
+                field.name: np.where(
+                    where.reshape(where.shape + (1,) * (np.ndim(value) - 2)),
+                    getattr(other.quality, field.name),
+                    value,
+                )
+                for field in dataclasses.fields(Quality)
+                if np.ndim(value := getattr(self.quality, field.name)) > 1
+            },
+        )
+        return Judged(np.where(where, other.maps, self.maps), quality, np.where(where, other.flag, self.flag))
+
     @property
     def failed(self) -> NDArray[np.bool_]:
         """Points that have no value, masked ones included; shape (rows, columns)."""
@@ -64,15 +80,19 @@ class Scene:
     grid : Grid
     window : float
         px.
-    judge : callable
-        Refines a start (6, rows, columns) at full resolution and judges every point.
+    judge_in : callable
+        Refines a start (6, rows, columns) at full resolution and judges every point; of the frame 0 that is given.
     """
 
     reference: Frame
     moved: Frame
     grid: Grid
     window: float
-    judge: Callable[[NDArray[Any]], Judged]
+    judge_in: Callable[[NDArray[Any], Frame], Judged]
+
+    def judge(self, start: NDArray[Any]) -> Judged:
+        """Refine a start at full resolution and judge every point."""
+        return self.judge_in(start, self.reference)
 
     def missed(self, found: Judged) -> NDArray[np.bool_]:
         """Points that could be measured and failed; shape (rows, columns)."""

@@ -49,7 +49,9 @@ class Plane(NamedTuple):
     evidence: float
 
 
-def find_plane(reference: Frame, moved: Frame, window: float) -> Plane | None:
+def find_plane(
+    reference: Frame, moved: Frame, window: float, near: tuple[slice, slice] | None = None
+) -> Plane | None:
     """Find one affine map from frame 0 to frame 1.
 
     Parameters
@@ -58,6 +60,8 @@ def find_plane(reference: Frame, moved: Frame, window: float) -> Plane | None:
         At full resolution. Masked pixels do not count.
     window : float
         px; brightness and contrast over about twice as much are evened out beforehand.
+    near : (slice, slice), optional
+        Rows and columns of frame 1 whose spectrum is compared as well: where a part of frame 0 may still be.
 
     Returns
     -------
@@ -80,7 +84,10 @@ def find_plane(reference: Frame, moved: Frame, window: float) -> Plane | None:
     hays: dict[int, Haystack] = {}
     best: Agreement | None = None
     best_levels = 0, 0
-    for candidate in linear_candidates(*(frame.image for frame in frames)):
+    candidates = linear_candidates(frames[0].image, frames[1].image)
+    if near is not None:
+        candidates = linear_candidates(frames[0].image, frames[1].image[near]) + candidates
+    for candidate in candidates:
         zoom = math.sqrt(abs(float(np.linalg.det(candidate.linear))))
         if not 1 / _MOST_ZOOM < zoom < _MOST_ZOOM:
             continue
