@@ -69,13 +69,10 @@ def slow(reference, moved, maps, grid, plane, degree, total, **options):
 
 def assert_same(fast, exact, dtype):
     for name, values in fast.items():
-        # positions of some 100 px are rounded before they are interpolated: slope × rounding of the position
+        # positions of some 100 px are rounded before they are interpolated: slope × rounding of the position;
         # and where the motion all but folds the plane, the axes of the moved frame are drawn out by 1/0.05
-        tolerance = (
-            (400 if name in ("residual", "warped") else 2000)
-            * np.finfo(dtype).eps
-            * max(1, np.nanmax(np.abs(exact[name])))
-        )
+        roundings = 400 if name in ("residual", "warped") else 2000
+        tolerance = roundings * np.finfo(dtype).eps * max(1, np.nanmax(np.abs(exact[name])))
         np.testing.assert_array_equal(np.isnan(values), np.isnan(exact[name]), err_msg=name)
         np.testing.assert_allclose(values, exact[name], atol=tolerance, rtol=0, err_msg=name)
 

@@ -92,15 +92,16 @@ class Between:
     def _found(self, simple: Settings, start: Start | None, guess: NDArray[np.float64] | None) -> Judged:
         """What the search finds, or what a start leads to."""
 
-        def judge(maps: NDArray[Any]) -> Judged:
-            level = self._level(maps, simple)
+        def judge(maps: NDArray[Any], still: Frame) -> Judged:
+            part = self if still is self.still else dataclasses.replace(self, still=still, judged=still)
+            level = part._level(maps, simple)
             return Judged(level.maps, level.quality, level.flag)
 
         begun = None
         if start is not None:
             if self._share:
                 start = dataclasses.replace(start, maps=placed(start.maps, self.grid, -self._share))
-            begun = judge(start.maps)
+            begun = judge(start.maps, self.still)
             if start.succeeded(begun.flag, self.grid, self.still.image.shape, simple):
                 return begun
         scene = Scene(self.still, self.moved, self.grid, simple.window, judge)

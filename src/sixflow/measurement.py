@@ -19,6 +19,7 @@ from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import joined_attrs, said_of_pairs
 from sixflow.masks import MaskLike, Masks
+from sixflow.search.guess import without_guess
 from sixflow.sequence import Update, check_update, follow
 from sixflow.session import PairResult, Prepared, Session
 from sixflow.settings import Settings, SettingsOptions
@@ -83,7 +84,8 @@ def measure(
     True
     """
     masks = _masks_of_a_pair(mask)
-    session = Session((settings or Settings()).replace(**options), masks_move=masks.moving)
+    chosen, guess = without_guess(settings or Settings(), options)
+    session = Session(chosen, masks_move=masks.moving, guess=guess)
     frames = [session.prepare(frame, f"frame{k}", masks.at(k)) for k, frame in enumerate((frame0, frame1))]
     return session.field(session.measure_pair(frames[0], frames[1], (0, 1)), [0.0], "frame")
 
@@ -184,9 +186,10 @@ def iterate_sequence(
     """
     if pairs not in get_args(Pairs):
         raise InputError(f"pairs={pairs!r}: must be one of {', '.join(map(repr, get_args(Pairs)))}")
-    masks, chosen = Masks(mask), (settings or Settings()).replace(**options)
+    masks = Masks(mask)
+    chosen, guess = without_guess(settings or Settings(), options)
     renewal = check_update(update, pairs, chosen.reference)
-    session = Session(chosen, masks_move=masks.moving)
+    session = Session(chosen, masks_move=masks.moving, guess=guess)
     stamps = getattr(frames, "times", None) if times is None else times
     if pairs == "consecutive":
         results = _consecutive(session, frames, masks, skip)

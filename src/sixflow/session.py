@@ -28,10 +28,11 @@ from sixflow.masks import Bodies
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
 from sixflow.passes import Workspace
 from sixflow.pieces import Found, Start, share_failed, with_margin
-from sixflow.placing import masked_points
+from sixflow.placing import masked_points, placed
 from sixflow.replace import predictions
 from sixflow.resolution import search_settings
 from sixflow.restriction import ABSENT
+from sixflow.search.guess import Guess, maps_of_guess
 from sixflow.settings import Settings
 from sixflow.trajectory import Motion, one_frames_share
 from sixflow.version import __version__
@@ -107,11 +108,13 @@ class Session:
     settings : Settings
     masks_move : bool
         Whether the mask of a moved frame counts: there is one for each frame.
+    guess : optional
+        A first guess of the motion of every pair, as `search` takes it.
     """
 
-    def __init__(self, settings: Settings, *, masks_move: bool = False) -> None:
+    def __init__(self, settings: Settings, *, masks_move: bool = False, guess: Guess | None = None) -> None:
         self.asked = self.settings = settings
-        self.masks_move = masks_move
+        self.masks_move, self.guess = masks_move, guess
         self.dtype = np.float64 if settings.float64 else np.float32
         self.workspace = Workspace()
         self.shape: tuple[int, int] | None = None
@@ -281,14 +284,16 @@ class Session:
         grid, places = within
         region, asked, other = (frame.part(part) for frame in self._frames_of(reference, moved, number))
         known = None if start is None else start.of(number, places, grid)
+        guess = None if self.guess is None else maps_of_guess(self.guess, self.grid)[(slice(None), *places)]
         light = self._light(reference, moved, number, part, grid)
         if settings.reference == "second":  # frame 1 is the one that stays: frame 0 is found from it, backwards
             known = None if known is None else known.backwards()
             swapped = settings.replace(reference="first")
-            found = Between(other, region, other, grid, swapped, self.workspace, light).measure(known)
+            guess = None if guess is None else -placed(guess, grid, 1.0)
+            found = Between(other, region, other, grid, swapped, self.workspace, light).measure(known, guess)
             maps = -found.maps
         else:
-            found = Between(region, other, asked, grid, settings, self.workspace, light).measure(known)
+            found = Between(region, other, asked, grid, settings, self.workspace, light).measure(known, guess)
             maps = found.maps
         flag, quality = found.flag, found.quality
         flag[masked_points(maps, grid, asked.valid, settings.reference)] = FLAGS["masked"]

@@ -10,9 +10,14 @@ import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, TypedDict, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict, get_args
 
 from sixflow.errors import InputError
+
+if TYPE_CHECKING:
+    from sixflow.search.guess import Guess
+else:
+    Guess = Any
 
 Interpolation = Literal["cubic", "quintic"]
 Lighting = Literal["auto", "none", "gain+offset", "local"]
@@ -66,10 +71,12 @@ class Settings:
     replace_failed : bool
         Give failed points what their neighbours predict, with a covariance that holds their scatter. Such points are
         flagged `replaced`, and are never counted as measured.
-    search : {"auto", "pyramid"}
-        How large motion is found: from coarse to fine, and where most points fail so, by capturing the
-        map about a few points (turns to 30° or more, zooms by a third; some seconds); or from coarse to
-        fine alone.
+    search : {"auto", "pyramid", "spectrum"} or a first guess
+        How large motion is found. "pyramid": from coarse to fine. "spectrum": from the affine map that the whole
+        frames have in common, of any turn, zoom, shear and shift. "auto": from coarse to fine, and for points that
+        are missed so, growth from their neighbours and the map of "spectrum". A first guess is given to a
+        measurement in place of the word, and stands here as "guess": six numbers (u, v, divergence, curl, stretch,
+        shear) about pixel (0, 0), a 2 × 3 or 3 × 3 matrix of (x, y, 1), a field, or a function (x, y) → (u, v).
     levels : int or None
         Number of halvings of the frame that the search for large motion starts from, 0 to 12. None
         chooses it from frame and window.
@@ -250,7 +257,7 @@ class Settings:
 
 
 class SettingsOptions(TypedDict, total=False):
-    """The fields of `Settings` as keyword arguments, for editors and type checkers."""
+    """The fields of `Settings` as keyword arguments, for editors and type checkers; `search` may be a first guess."""
 
     window: float | Literal["auto"]
     step: int
@@ -263,7 +270,7 @@ class SettingsOptions(TypedDict, total=False):
     robust: bool
     forward_backward: bool
     replace_failed: bool
-    search: Search
+    search: Search | Guess
     levels: int | None
     passes: int
     tolerance: float

@@ -6,9 +6,9 @@ For every pixel x, with the dense displacement U (`blend`) and the moved frame's
     (g_x, g_y) = F⁻ᵀ D ½(I₀ + S₁(x + U))     gradient of the mean of the two frames, 8th-order differences D
     q = g·U' − r                             right-hand side of the total form (q = −r in increment form)
 
-F = I + ∂U/∂x: a displacement is counted along the axes of the moved frame, in which ∇S₁ = F⁻ᵀ ∇[S₁(x + U)]. A turn by more
-than a right angle would otherwise make every pass go the wrong way. F is taken from differences of U from pixel to
-pixel; where it folds the plane (det F < 0.05) it is left out.
+F = I + ∂U/∂x: a displacement is counted along the axes of the moved frame, in which ∇S₁ = F⁻ᵀ ∇[S₁(x + U)]. A turn by
+more than a right angle would otherwise make every pass go the wrong way. F is taken from differences of U from pixel
+to pixel; where it folds the plane (det F < 0.05) it is left out.
 
 U' is U less one plane over the whole frame, subtracted from all maps before and added to the solution
 after: exact in exact arithmetic, and it keeps large displacements out of single-precision sums. D acts
@@ -346,17 +346,29 @@ def _moved_axes_row(
     one, half, least = plane.dtype.type(1), plane.dtype.type(0.5), plane.dtype.type(_LEAST_AREA)
     down = one / plane.dtype.type(max(apart, 1))
     a, b, c, d = one + plane[2], plane[3], plane[4], one + plane[5]
-    u, v, u0, v0, u1, v1 = here[0], here[1], before[0], before[1], after[0], after[1]
-    for x in range(width):
-        left, right = max(x - 1, 0), min(x + 1, width - 1)
-        across = half if right - left == 2 else one
-        F_xx, F_yx = a + (u[right] - u[left]) * across, c + (v[right] - v[left]) * across
-        F_xy, F_yy = b + (u1[x] - u0[x]) * down, d + (v1[x] - v0[x]) * down
+    for x in (0, width - 1):
+        low, high = max(x - 1, 0), min(x + 1, width - 1)
+        F_xx, F_yx = a + (here[0, high] - here[0, low]), c + (here[1, high] - here[1, low])
+        F_xy, F_yy = b + (after[0, x] - before[0, x]) * down, d + (after[1, x] - before[1, x]) * down
         area = F_xx * F_yy - F_xy * F_yx
-        g_x, g_y = target_x[x], target_y[x]
         if area > least:
+            g_x, g_y = target_x[x], target_y[x]
             target_x[x] = (F_yy * g_x - F_yx * g_y) / area
             target_y[x] = (F_xx * g_y - F_xy * g_x) / area
+        if width == 1:
+            break
+    n = max(width - 2, 0)
+    u0, u1, v0, v1 = here[0, :n], here[0, 2 : 2 + n], here[1, :n], here[1, 2 : 2 + n]
+    u2, u3, v2, v3 = before[0, 1 : 1 + n], after[0, 1 : 1 + n], before[1, 1 : 1 + n], after[1, 1 : 1 + n]
+    inner_x, inner_y = target_x[1 : 1 + n], target_y[1 : 1 + n]
+    for x in range(n):
+        F_xx, F_yx = a + (u1[x] - u0[x]) * half, c + (v1[x] - v0[x]) * half
+        F_xy, F_yy = b + (u3[x] - u2[x]) * down, d + (v3[x] - v2[x]) * down
+        area = F_xx * F_yy - F_xy * F_yx
+        scale = one / area
+        g_x, g_y = inner_x[x], inner_y[x]
+        inner_x[x] = (F_yy * g_x - F_yx * g_y) * scale if area > least else g_x
+        inner_y[x] = (F_xx * g_y - F_xy * g_x) * scale if area > least else g_y
 
 
 @kernel

@@ -4,19 +4,28 @@ Points that failed take what their neighbours' affine maps predict, from the edg
 field is refined again; its own passes go on doing so, ring by ring. What is not found after that is tried again from
 there, until nothing more is found.
 
-A point is *missed* if it failed although it could be measured: it is not masked, its window has more contrast than
-noise, and it stays in frame 1 by what its neighbours predict, with half its window.
+A point is *missed* if it failed although it could be measured: it is not masked, it stays in frame 1 by what its
+neighbours predict, with half its window, and its window has texture. The texture is that of frame 0 alone, since the
+residual of a wrong match is no noise: with λ₁ ≤ λ₂ the eigenvalues of the mean of ∇I ∇Iᵀ under the window,
+
+    λ₁ > `TEXTURE` · n²/2,    λ₁ > `LEAST_RATIO` · λ₂,
+
+n the noise at the points that were measured, n²/2 what it adds to each by central differences.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.engine.fir import filter_separable
+from sixflow.engine.window import CUT, window_sigma
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
@@ -25,7 +34,8 @@ from sixflow.validate import fill_failed
 
 ROUNDS = 12
 GAIN = 0.02  # share of the missed points that a round has to find for another one
-CONTRAST = 4.0  # variance of a window over the noise's
+LEAST_FOUND = 0.05  # share of the points: fewer may be chance, and are nothing to grow from
+TEXTURE, LEAST_RATIO = 4.0, 0.01
 
 
 class Judged(NamedTuple):
@@ -34,6 +44,22 @@ class Judged(NamedTuple):
     maps: NDArray[Any]
     quality: Quality
     flag: NDArray[np.uint16]
+
+    def joined(self, other: Judged, where: NDArray[np.bool_]) -> Judged:
+        """These points, and the other's where that is said; `where` of shape (rows, columns)."""
+        quality = dataclasses.replace(
+            self.quality,
+            **{
+                field.name: np.where(
+                    where.reshape(where.shape + (1,) * (np.ndim(value) - 2)),
+                    getattr(other.quality, field.name),
+                    value,
+                )
+                for field in dataclasses.fields(Quality)
+                if np.ndim(value := getattr(self.quality, field.name)) > 1
+            },
+        )
+        return Judged(np.where(where, other.maps, self.maps), quality, np.where(where, other.flag, self.flag))
 
     @property
     def failed(self) -> NDArray[np.bool_]:
@@ -54,18 +80,27 @@ class Scene:
     grid : Grid
     window : float
         px.
-    judge : callable
-        Refines a start (6, rows, columns) at full resolution and judges every point.
+    judge_in : callable
+        Refines a start (6, rows, columns) at full resolution and judges every point; of the frame 0 that is given.
     """
 
     reference: Frame
     moved: Frame
     grid: Grid
     window: float
-    judge: Callable[[NDArray[Any]], Judged]
+    judge_in: Callable[[NDArray[Any], Frame], Judged]
+
+    def judge(self, start: NDArray[Any]) -> Judged:
+        """Refine a start at full resolution and judge every point."""
+        return self.judge_in(start, self.reference)
 
     def missed(self, found: Judged) -> NDArray[np.bool_]:
         """Points that could be measured and failed; shape (rows, columns)."""
+        staying = self.staying(found)
+        return staying & self._textured(found) if staying.any() else staying
+
+    def staying(self, found: Judged) -> NDArray[np.bool_]:
+        """Points that failed, are not masked, and stay in frame 1; shape (rows, columns)."""
         failed = found.failed & ((found.flag & FLAGS["masked"]) == 0)
         if not failed.any():
             return failed
@@ -73,20 +108,36 @@ class Scene:
         half = self.window / 2
         maps = extrapolated(found, self.grid)
         x, y = self.grid.x + maps[0], self.grid.y[:, None] + maps[1]
-        stays = (x >= half) & (x <= width - 1 - half) & (y >= half) & (y <= height - 1 - half)
-        return failed & stays & self._contrasted(found)
+        return failed & (x >= half) & (x <= width - 1 - half) & (y >= half) & (y <= height - 1 - half)
 
-    def _contrasted(self, found: Judged) -> NDArray[np.bool_]:
-        """Where frame 0 has more contrast than noise, by the noise of the points that were measured."""
-        from scipy.ndimage import uniform_filter
-
-        image, side = self.reference.image, max(3, round(self.window))
-        mean = uniform_filter(image, side)[np.ix_(self.grid.y, self.grid.x)]
-        power = uniform_filter(image * image, side)[np.ix_(self.grid.y, self.grid.x)]
+    def _textured(self, found: Judged) -> NDArray[np.bool_]:
+        """Where frame 0 has texture in every direction; shape (rows, columns)."""
+        weakest, strongest = self._gradient_power
         measured = found.quality.noise[~found.failed]
         noise = float(np.median(measured)) if measured.size else 0.0
-        contrasted: NDArray[np.bool_] = power - mean**2 > CONTRAST * noise**2
-        return contrasted
+        textured: NDArray[np.bool_] = weakest > np.maximum(TEXTURE * noise**2 / 2, LEAST_RATIO * strongest)
+        return textured
+
+    @functools.cached_property
+    def _gradient_power(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """λ₁ and λ₂ of every window, from every second pixel; each (rows, columns)."""
+        image = self.reference.image
+        x, y = (
+            (image[1:-1:2, 2::2] - image[1:-1:2, :-2:2]) / 2,
+            (image[2::2, 1:-1:2] - image[:-2:2, 1:-1:2]) / 2,
+        )
+        height, width = min(len(x), len(y)), min(x.shape[1], y.shape[1])
+        x, y = x[:height, :width], y[:height, :width]
+        sigma = window_sigma(self.window) / 2
+        half = np.exp(-((np.arange(math.ceil(CUT * sigma) + 1) / sigma) ** 2) / 2)
+        half /= half[0] + 2 * half[1:].sum()
+        at = np.ix_(np.clip(self.grid.y // 2, 0, height - 1), np.clip(self.grid.x // 2, 0, width - 1))
+        a, b, c = (
+            filter_separable(np.ascontiguousarray(product), half)[at].astype(np.float64)
+            for product in (x * x, x * y, y * y)
+        )
+        middle, radius = (a + c) / 2, np.hypot((a - c) / 2, b)
+        return middle - radius, middle + radius
 
 
 def extrapolated(found: Judged, grid: Grid) -> NDArray[Any]:
@@ -96,9 +147,11 @@ def extrapolated(found: Judged, grid: Grid) -> NDArray[Any]:
 
 def grown(found: Judged, scene: Scene) -> Judged:
     """Find what can be found from where it was found; never fewer points than before."""
+    if found.failed.mean() > 1 - LEAST_FOUND:
+        return found
     missed = int(scene.missed(found).sum())
     for _ in range(ROUNDS):
-        if not missed or found.failed.all():
+        if not missed:
             break
         again = scene.judge(extrapolated(found, scene.grid))
         left = int(scene.missed(again).sum())

@@ -1,8 +1,8 @@
 """Plane: one affine map between two whole frames, or parts of them, of any turn, zoom, shear and shift.
 
 1. Candidates for turn, zoom and shear from the amplitude spectra (`spectrum`), which do not move with the shift.
-2. For each, the tiles of frame 0 are looked for in frame 1, and the map that they agree upon is kept (`tiles`), with its
-   evidence; looked for once more with that map.
+2. For each, the tiles of frame 0 are looked for in frame 1, and the map that they agree upon is kept (`tiles`), with
+   its evidence; looked for once more with that map.
 3. The map with the most evidence, if that is more than chance has.
 
 The tiles are compared where both frames have about `MATCH_SIDE` px, frame 1 halved as many times more as the map zooms.
@@ -49,7 +49,9 @@ class Plane(NamedTuple):
     evidence: float
 
 
-def find_plane(reference: Frame, moved: Frame, window: float) -> Plane | None:
+def find_plane(
+    reference: Frame, moved: Frame, window: float, near: tuple[slice, slice] | None = None
+) -> Plane | None:
     """Find one affine map from frame 0 to frame 1.
 
     Parameters
@@ -58,6 +60,8 @@ def find_plane(reference: Frame, moved: Frame, window: float) -> Plane | None:
         At full resolution. Masked pixels do not count.
     window : float
         px; brightness and contrast over about twice as much are evened out beforehand.
+    near : (slice, slice), optional
+        Rows and columns of frame 1 whose spectrum is compared as well: where a part of frame 0 may still be.
 
     Returns
     -------
@@ -80,7 +84,10 @@ def find_plane(reference: Frame, moved: Frame, window: float) -> Plane | None:
     hays: dict[int, Haystack] = {}
     best: Agreement | None = None
     best_levels = 0, 0
-    for candidate in linear_candidates(*(frame.image for frame in frames)):
+    candidates = linear_candidates(frames[0].image, frames[1].image)
+    if near is not None:
+        candidates = linear_candidates(frames[0].image, frames[1].image[near]) + candidates
+    for candidate in candidates:
         zoom = math.sqrt(abs(float(np.linalg.det(candidate.linear))))
         if not 1 / _MOST_ZOOM < zoom < _MOST_ZOOM:
             continue
@@ -109,7 +116,7 @@ def _tried(
     """Agreement of the tiles with a linear map of full-size frames, and again with what they agree upon."""
     here = linear * 2.0 ** (levels[0] - levels[1])
     found = agreement(frame.image, frame.valid, hay, here, per_side)
-    if found is None or found.count < 3:
+    if found is None or found.tiles < 3:
         return found
     again = agreement(frame.image, frame.valid, hay, found.linear, per_side + 1)
     return again if again is not None and again.evidence > found.evidence else found

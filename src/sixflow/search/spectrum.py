@@ -9,11 +9,11 @@ Under x' = A x + t the amplitude spectrum changes as S₁(k) = S₀(Aᵀk), what
 White noise adds a constant to S², which is read off the corners of the spectrum and subtracted. A homogeneous texture
 has the same moments wherever it is seen; of N details they are known to about 1/√N.
 
-*Turn.* On κ = M^(−½) k the spectra differ by R alone, and on axes (log |κ|, atan2 κ) this is a shift: the pair (L_s, L_r)
-of Eagleson's §4.3, applied to spectra. The correlation along these axes, each ring less its mean and of unit power,
-has its summits at the turns; the lag in log |κ| corrects the zoom. Spectra are symmetric under k → −k: every summit is
-two turns, half a turn apart. Amplitude spectra of a random texture agree only as far as the same content is seen, so the
-inner half of each frame is also compared with the whole of the other.
+*Turn.* On κ = M^(−½) k the spectra differ by R alone, and on axes (log |κ|, atan2 κ) this is a shift: the pair
+(L_s, L_r) of Eagleson's §4.3, applied to spectra. The correlation along these axes, each ring less its mean and of unit
+power, has its summits at the turns; the lag in log |κ| corrects the zoom. Spectra are symmetric under k → −k: every
+summit is two turns, half a turn apart. Amplitude spectra of a random texture agree only as far as the same content is
+seen, so the inner half of each frame is also compared with the whole of the other.
 
 | symbol | name |
 |---|---|
@@ -101,7 +101,8 @@ def linear_candidates(image0: NDArray[Any], image1: NDArray[Any]) -> list[Linear
         for turn in (angle, angle + math.pi):
             cosine, sine = math.cos(turn), math.sin(turn)
             R = scale * np.array([[cosine, -sine], [sine, cosine]])
-            kept.append(Linear(np.linalg.solve(root1, R @ root0), height))
+            A = np.asarray(np.linalg.solve(root1, R @ root0), dtype=np.float64)
+            kept.append(Linear(A, height))
     return kept
 
 

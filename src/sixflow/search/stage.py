@@ -4,14 +4,24 @@
 |---|---|
 | "pyramid" | coarse to fine, from the frames' common shift |
 | "spectrum" | coarse to fine, from one affine map of the whole frames (`plane`), and growth |
-| "auto" | the pyramid; where more than `MISSED` of the points are missed, growth; where more than `LOST`, a plane for what was missed, and growth; at last, the map captured about the middle |
+| "auto" | the pyramid, and what follows |
 | a guess | refinement from the guess; where more than `MISSED` are missed, coarse to fine from it, and growth |
+
+| "auto", while … of the points are missed | what is tried |
+|---|---|
+| more than `MISSED` | growth |
+| more than `MOSTLY_LOST` | one affine map of the whole frames, coarse to fine from it, and growth |
+| more than `LOST` | for a few regions, the largest first: one affine map, and growth, each region by itself |
+| still more than `MOSTLY_LOST` | the map captured about the middle, coarse to fine from it, and growth |
 
 Of two fields, that with fewer missed points is kept. Nothing is tried where nothing was missed: small motion costs the
 pyramid, and no more.
 """
 
 from __future__ import annotations
+
+import dataclasses
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +30,7 @@ from sixflow.grid import Grid
 from sixflow.normalise import Frame
 from sixflow.passes import Workspace
 from sixflow.search.captured import captured_plane
-from sixflow.search.growth import Judged, Scene, extrapolated, grown
+from sixflow.search.growth import Judged, Scene, grown
 from sixflow.search.plane import Plane, find_plane
 from sixflow.search.pyramid import pyramid
 from sixflow.settings import Settings
@@ -55,6 +65,8 @@ def find_motion(
 
 
 class _Search:
+    """The steps, for one scene."""
+
     def __init__(self, scene: Scene, settings: Settings, workspace: Workspace) -> None:
         self.scene, self.settings, self.workspace = scene, settings, workspace
 
@@ -65,12 +77,14 @@ class _Search:
         return scene.judge(maps)
 
     def from_guess(self, guess: NDArray[np.float64]) -> Judged:
+        """The field from a first guess at the grid points."""
         found = self.scene.judge(guess)
         if self.share(found) <= MISSED:
             return found
         return grown(self.better(found, self.coarse_to_fine(guess)), self.scene)
 
     def from_spectrum(self) -> Judged:
+        """The field from one affine map of the whole frames; by the pyramid if there is none."""
         plane = find_plane(self.scene.reference, self.scene.moved, self.scene.window)
         found = self.coarse_to_fine() if plane is None else self.from_plane(plane.six)
         return grown(found, self.scene)
@@ -101,21 +115,34 @@ class _Search:
         """What regions of missed points have in common, the largest first."""
         for _ in range(_REGIONS):
             missed = self.scene.missed(found)
-            if not LOST * missed.size < missed.sum() <= MOSTLY_LOST * missed.size:
+            if missed.sum() <= LOST * missed.size:
                 break
-            region = _largest(missed)
-            plane = _plane_of(region, self.scene)
-            if plane is None:
+            part = _part_of(_largest(missed), self.scene)
+            plane = None if part is None else _plane_of(part, self.scene)
+            if part is None or plane is None:
                 break
-            start = np.where(region, self.scene.grid.plane(plane.six), extrapolated(found, self.scene.grid))
-            again = self.better(found, grown(self.scene.judge(start), self.scene))
-            if again is found:
+            alone = dataclasses.replace(self.scene, reference=part)
+            again = grown(alone.judge(self.scene.grid.plane(plane.six)), alone)
+            gained = found.failed & ~again.failed & ~self.beside(~found.failed)
+            if not gained.any():
                 break
-            found = again
+            found = found.joined(again, gained)
         return found
 
+    def beside(self, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Points within half a window of known ones: their windows see both motions, and the edge may be on either
+        side of them.
+        """
+        from scipy.ndimage import maximum_filter
+
+        reach = math.ceil(self.scene.window / 2 / self.scene.grid.step)
+        near: NDArray[np.bool_] = maximum_filter(known.astype(np.uint8), 2 * reach + 1, mode="constant") > 0
+        return near
+
     def share(self, found: Judged) -> float:
-        """Share of the points that were missed."""
+        """Share of the points that were missed; 0 if at first sight they are too few to matter."""
+        if self.scene.staying(found).mean() <= MISSED:
+            return 0.0
         return float(self.scene.missed(found).mean())
 
     def better(self, one: Judged, other: Judged) -> Judged:
@@ -134,21 +161,25 @@ def _largest(missed: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return largest
 
 
-def _plane_of(region: NDArray[np.bool_], scene: Scene) -> Plane | None:
-    """The affine map of a region of points, from the part of frame 0 that they stand for."""
-    grid, valid = scene.grid, _pixels(region, scene.grid, scene.reference.image.shape)
+def _part_of(region: NDArray[np.bool_], scene: Scene) -> Frame | None:
+    """Frame 0 where its pixels stand for a region of points; None if nothing of it is valid."""
+    valid = _pixels(region, scene.grid, scene.reference.image.shape)
     if scene.reference.valid.size:
         valid &= scene.reference.valid
-    rows, columns = np.flatnonzero(valid.any(axis=1)), np.flatnonzero(valid.any(axis=0))
-    if not rows.size:
-        return None
-    part = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    frame = Frame(np.ascontiguousarray(scene.reference.image[part]), np.ascontiguousarray(valid[part]))
-    plane = find_plane(frame, scene.moved, scene.window)
+    return scene.reference.within(valid) if valid.any() else None
+
+
+def _plane_of(part: Frame, scene: Scene) -> Plane | None:
+    """The affine map of a part of frame 0."""
+    rows, columns = np.flatnonzero(part.valid.any(axis=1)), np.flatnonzero(part.valid.any(axis=0))
+    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    frame = Frame(np.ascontiguousarray(part.image[box]), np.ascontiguousarray(part.valid[box]))
+    plane = find_plane(frame, scene.moved, scene.window, box)
     if plane is None:
         return None
     six = plane.six.copy()
-    six[:2] -= np.array([columns[0], rows[0]]) + six[2:].reshape(2, 2) @ [columns[0], rows[0]]
+    corner = np.array([columns[0], rows[0]])
+    six[:2] -= corner + six[2:].reshape(2, 2) @ corner
     return Plane(six, plane.evidence)
 
 

@@ -68,14 +68,14 @@ class Agreement(NamedTuple):
         t; a point p of frame 0 is at linear · p + offset in frame 1.
     evidence : float
         Log-likelihood against chance.
-    count : int
+    tiles : int
         How many tiles agree.
     """
 
     linear: Real
     offset: Real
     evidence: float
-    count: int
+    tiles: int
 
 
 def haystack(image: NDArray[Any]) -> Haystack:
