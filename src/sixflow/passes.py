@@ -46,8 +46,12 @@ STRIP = 64
 GRID_STRIP = 16
 CONTRACTION = 0.05  # what a pass leaves of the distance to its fixed point, at least (measured: 0.01 to 0.03)
 WEIGHED_CONTRACTION = 0.4  # the same where weights change from pass to pass
-OF_CONTRAST = 0.02  # of the frame's contrast: a residual that no pixel is called foreign for is 3.5 times that
-LONG_TAIL = 1.3  # mean square residual over that of a Gaussian of the same mean size: foreign pixels (noise: ± 0.03)
+OF_CONTRAST = (
+    0.02  # of the frame's contrast: a residual that no pixel is called foreign for is 3.5 times that
+)
+LONG_TAIL = (
+    1.3  # mean square residual over that of a Gaussian of the same mean size: foreign pixels (noise: ± 0.03)
+)
 TRUSTED_RESIDUAL = 0.6  # zero-normalised (correlation 0.82), for a start that finer levels build upon
 
 
@@ -325,11 +329,15 @@ class Passes:
         transform = _six_from_unknowns(self.settings.sigma, sharpened)
         covariance = self._covariance(seen, transform)
         if not self.robust:
-            return Quality(covariance, seen.texture, seen.weight, seen.residual, seen.noise, self.minimum_texture)
+            return Quality(
+                covariance, seen.texture, seen.weight, seen.residual, seen.noise, self.minimum_texture
+            )
         weight = self.workspace.array("pixel_weight", self.reference.image.shape, self.dtype)
         raw = self.workspace.array("raw_weight", weight.shape, self.dtype)
         kept = self._share(weight, self.weights)
-        covariance *= weighing_noise(kept, self._share(weight_slope(raw, weight), self.weights)).astype(self.dtype)
+        covariance *= weighing_noise(kept, self._share(weight_slope(raw, weight), self.weights)).astype(
+            self.dtype
+        )
         centre = moment_weights(self.settings.sigma / 2).astype(self.dtype)
         return Quality(
             covariance, seen.texture, seen.weight, seen.residual, seen.noise, self.minimum_texture,

@@ -13,7 +13,9 @@ from sixflow.validate import TYPICAL_SHARE, settle, typical
 
 NEAR = 0.2  # px: residuals of points so close to where they end tell foreign pixels
 WEIGHED_PASSES = 2  # weighed passes over the limit of ordinary ones: they converge more slowly
-WEIGHED_SHARE = 0.995  # of the points that have to stay where pixels are weighed: the last ones are those in doubt
+WEIGHED_SHARE = (
+    0.995  # of the points that have to stay where pixels are weighed: the last ones are those in doubt
+)
 EXPLAINED = 0.01  # share of the residual's power that a last pass may still take out
 
 

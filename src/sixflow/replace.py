@@ -1,14 +1,14 @@
 """Replace: what the neighbours of a failed point predict, on request, with a covariance that says so.
 
-A measured point n at the offset h predicts T(h) six_n, the affine map carried to the failed point. The prediction is the mean
-m over the measured points of the smallest square about it that holds four, with weights 1/(variance of the predicted
-displacement), and its covariance
+A measured point n at the offset h predicts T(h) six_n, the affine map carried to the failed point. The prediction is
+the mean m over the measured points of the smallest square about it that holds four, with weights 1/(variance of the
+predicted displacement), and its covariance
 
     C = Σ ŵ T C_n Tᵀ  +  mean of (T six_n − m)(T six_n − m)ᵀ over the square that reaches half a window further
 
-the mean covariance, because neighbours share their windows and err together, and the scatter of the predictions, also of
-those from beyond: where a motion ends, the nearest points may all lie on one side. Nothing is predicted
-further than one window from a measured point.
+the mean covariance, because neighbours share their windows and err together, and the scatter of the predictions, also
+of those from beyond: where a motion ends, the nearest points may all lie on one side. Nothing is predicted further
+than one window from a measured point.
 """
 
 from __future__ import annotations
@@ -61,7 +61,10 @@ def predictions(
             near = _around(measured, j, i, reach)
             if len(near[0]) >= ENOUGH:
                 mean, within = _combined(*_predicted(six, covariance, j, i, step, near))
-                off = _predicted(six, covariance, j, i, step, _around(measured, j, i, reach + farther))[0] - mean
+                off = (
+                    _predicted(six, covariance, j, i, step, _around(measured, j, i, reach + farther))[0]
+                    - mean
+                )
                 out[k], spread[k] = mean, within + off.T @ off / len(off)
                 break
     return out, spread, np.isfinite(out).all(axis=-1)
@@ -75,7 +78,12 @@ def _around(measured: NDArray[np.bool_], j: int, i: int, reach: int) -> tuple[ND
 
 
 def _predicted(
-    six: NDArray[Any], covariance: NDArray[Any], j: int, i: int, step: int, at: tuple[NDArray[Any], NDArray[Any]]
+    six: NDArray[Any],
+    covariance: NDArray[Any],
+    j: int,
+    i: int,
+    step: int,
+    at: tuple[NDArray[Any], NDArray[Any]],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Predictions of points for (j, i), shape (N, 6), and their covariances."""
     T = np.stack([carry(step * (i - x), step * (j - y)) for y, x in zip(*at, strict=True)])

@@ -4,8 +4,8 @@ With U from frame 0 to frame 1 and V from frame 1 to frame 0, V blended between 
 
     e = U(p) + V(p + U(p))
 
-vanishes where both follow the same thing. Both see the same noise, with opposite signs, so that e is far less than their
-standard errors: a point fails where |e| > 0.1 px + 3 √(s_U² + s_V²). A point for which the backward field knows
+vanishes where both follow the same thing. Both see the same noise, with opposite signs, so that e is far less than
+their standard errors: a point fails where |e| > 0.1 px + 3 √(s_U² + s_V²). A point for which the backward field knows
 nothing is not judged.
 """
 
@@ -24,7 +24,7 @@ ERRORS = 3.0
 
 
 def closure(maps: NDArray[Any], backward: NDArray[Any], grid: Grid) -> NDArray[np.float64]:
-    """e at every grid point, px; shape (2, rows, columns), NaN where it is not known.
+    """E at every grid point, px; shape (2, rows, columns), NaN where it is not known.
 
     Parameters
     ----------
@@ -44,7 +44,11 @@ def closure(maps: NDArray[Any], backward: NDArray[Any], grid: Grid) -> NDArray[n
 
 
 def no_return(
-    maps: NDArray[Any], backward: NDArray[Any], covariance: NDArray[Any], covariance_back: NDArray[Any], grid: Grid
+    maps: NDArray[Any],
+    backward: NDArray[Any],
+    covariance: NDArray[Any],
+    covariance_back: NDArray[Any],
+    grid: Grid,
 ) -> NDArray[np.bool_]:
     """Points that do not return.
 

@@ -17,7 +17,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.consistency import at_edge, curvature, disagreement, gradient_outliers, gradient_variances, stands_out
+from sixflow.consistency import (
+    at_edge,
+    curvature,
+    disagreement,
+    gradient_outliers,
+    gradient_variances,
+    median,
+    stands_out,
+)
 from sixflow.engine.compiler import kernel
 from sixflow.engine.threads import over_strips
 from sixflow.engine.window import attenuation_period
@@ -40,20 +48,6 @@ SUSPECT_RESIDUAL = 0.6  # enough to call a window unmatched whose texture does n
 MINIMUM_WEIGHT = 0.2
 TYPICAL_SHARE = 0.98
 COMPLETE_WEIGHT = 0.98
-
-
-@kernel
-def _median(values: NDArray[Any], count: int) -> float:
-    """Median of the first `count` values, which are sorted in place."""
-    for k in range(1, count):
-        value = values[k]
-        n = k
-        while n > 0 and values[n - 1] > value:
-            values[n] = values[n - 1]
-            n -= 1
-        values[n] = value
-    middle = count // 2
-    return values[middle] if count % 2 else (values[middle - 1] + values[middle]) / 2
 
 
 @kernel
@@ -93,10 +87,10 @@ def _test_strip(
                             furthest = max(furthest, abs(guess - maps[component, j, i]))
                 if count < 3 or furthest <= LIMIT * floor[j, i]:
                     continue
-                middle = _median(ordered, count)
+                middle = median(ordered, count)
                 for k in range(count):
                     ordered[k] = abs(predicted[k] - middle)
-                spread = _median(ordered, count)
+                spread = median(ordered, count)
                 if abs(maps[component, j, i] - middle) > LIMIT * (spread + floor[j, i]):
                     outlier[j, i] = True
 
@@ -232,7 +226,9 @@ def flag_points(
     floor = np.maximum(FLOOR, np.nan_to_num(error, nan=FLOOR))
     floor += CURVED / LIMIT * curvature(trusted, grid.step, settings.window)
     flag[median_outliers(trusted, grid.step, settings.window, floor)] |= FLAGS["outlier"]
-    _compare_with_neighbours(flag, np.where((flag & FAILING).astype(bool), np.nan, trusted), quality, grid, settings)
+    _compare_with_neighbours(
+        flag, np.where((flag & FAILING).astype(bool), np.nan, trusted), quality, grid, settings
+    )
     flag[_unsupported((flag & FAILING).astype(bool) & ~masked, masked)] |= FLAGS["outlier"]
     flag[masked] = FLAGS["masked"]
     return flag
@@ -250,7 +246,9 @@ def _compare_with_neighbours(
     flag[edge] |= FLAGS["edge"]
     flag[(apart > 1) & ~edge] |= FLAGS["unresolved"]
     measured = np.isfinite(maps[0])
-    flag[measured & stands_out(quality.noise, quality.residual, grid.step, settings.window)] |= FLAGS["residual"]
+    flag[measured & stands_out(quality.noise, quality.residual, grid.step, settings.window)] |= FLAGS[
+        "residual"
+    ]
 
 
 def _unsupported(failed: NDArray[np.bool_], masked: NDArray[np.bool_]) -> NDArray[np.bool_]:
