@@ -17,7 +17,8 @@ disagreement E (in units of the above) together with a share φ of foreign pixel
 half the size: the map is that of the surroundings). E > 1 alone is a motion that is not resolved.
 
 *Residual.* A window stands out where both its residual and its residual over its contrast are more than 3 times the
-median of those one window away: neither brighter light nor lower contrast explains it.
+median of those one window away: neither brighter light nor lower contrast explains it. Below 0.1 of
+the contrast it never does.
 
 *Gradients.* With m the median of the gradients of the eight neighbours half a window away, ρ the median of their
 distances from it and a the largest of their sizes, a point contradicts them where |g − m| > 3 (ρ + 2 standard errors
@@ -42,7 +43,7 @@ PHASE = 0.8  # of the finest resolved wave, rad, over which opposite neighbours 
 FLOOR = 0.1  # px: disagreement that is never held against a point
 EDGES = ((1.0, 0.03), (0.5, 0.15))  # disagreement and share of foreign pixels that tell an edge
 COVERED = (0.3, 0.5)  # the same about the point itself
-STANDS_OUT = 3.0
+STANDS_OUT, LEAST_RESIDUAL = 3.0, 0.1  # times the neighbours' median; of a zero-normalised residual
 GRADIENT_FLOOR = 0.005  # of displacement gradients
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
 _STRIP = 16
@@ -235,9 +236,11 @@ def _stands_out_strip(
         for i in range(noise.shape[1]):
             count = neighbours(noise, j, i, reach, around)
             found[j, i] = count >= 3 and noise[j, i] > STANDS_OUT * median(around, count)
-            if found[j, i]:
+            if found[j, i] and residual[j, i] > LEAST_RESIDUAL:
                 count = neighbours(residual, j, i, reach, around)
                 found[j, i] = count >= 3 and residual[j, i] > STANDS_OUT * median(around, count)
+            else:
+                found[j, i] = False
 
 
 def stands_out(noise: NDArray[Any], residual: NDArray[Any], step: int, window: float) -> NDArray[np.bool_]:

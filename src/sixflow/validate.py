@@ -171,9 +171,13 @@ def fill_failed(maps: NDArray[Any], step: int) -> NDArray[Any]:
     return filled
 
 
-def settle(maps: NDArray[Any], step: int, window: float) -> NDArray[Any]:
-    """Replace points that failed or contradict their neighbours by what the neighbours predict."""
-    outlier = median_outliers(maps, step, window)
+def settle(maps: NDArray[Any], step: int, window: float, *, curved: bool = False) -> NDArray[Any]:
+    """Replace points that failed or contradict their neighbours by what the neighbours predict.
+
+    With `curved` what a curved field makes them mispredict is no contradiction: for maps that have nearly settled.
+    """
+    floor = FLOOR + CURVED / LIMIT * curvature(maps, step, window) if curved else FLOOR
+    outlier = median_outliers(maps, step, window, floor)
     if outlier.any():
         maps = np.where(outlier, np.nan, maps)
     return fill_failed(maps, step)
