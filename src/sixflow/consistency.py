@@ -20,10 +20,13 @@ half the size: the map is that of the surroundings). E > 1 alone is a motion tha
 median of those one window away: neither brighter light nor lower contrast explains it. Below 0.1 of
 the contrast it never does.
 
-*Gradients.* With m the median of the gradients of the eight neighbours half a window away, ρ the median of their
-distances from it and a the largest of their sizes, a point contradicts them where |g − m| > 3 (ρ + 2 standard errors
-+ floor) + 0.5 a. The last term is what a smooth field may do in half a window: 1 − cos kh = 0.3 of the gradient at
-the limit of resolution.
+*Gradients.* With m the median of the gradients of the eight neighbours at the distance h, ρ the median of their
+distances from it and a the largest of their sizes, and f the difference of the displacements of two opposite
+neighbours over 2h, a point contradicts its neighbours where both
+
+    |g − m| > 3 (ρ + 2 standard errors + floor) + 0.5 a    and    |g − f| > 3 (2 standard errors + floor) + 0.5 |g|.
+
+The last terms are what a smooth field may do: of a wave g − m = (1 − cos kh) g and g − f = (1 − sin kh/kh) g at most.
 """
 
 from __future__ import annotations
@@ -159,8 +162,11 @@ def curvature(maps: NDArray[Any], step: int, window: float) -> Array:
 
     Parameters
     ----------
-    maps, step, window
-        As for `gradient_outliers`.
+    maps : array, shape (6, rows, columns)
+    step : int
+        Grid spacing, px.
+    window : float
+        px; neighbours are half of it away.
 
     Returns
     -------
@@ -266,48 +272,59 @@ def stands_out(noise: NDArray[Any], residual: NDArray[Any], step: int, window: f
 
 @kernel
 def _gradient_strip(
-    gradient: NDArray[Any], variance: NDArray[Any], reach: int, start: int, stop: int, found: NDArray[Any]
+    gradient: NDArray[Any],
+    variance: NDArray[Any],
+    value: NDArray[Any],
+    direction: tuple[int, int],
+    reach: int,
+    step: int,
+    start: int,
+    stop: int,
+    found: NDArray[Any],
 ) -> None:
+    """`value` is the displacement that `gradient` is the slope of, along `direction` (columns, rows)."""
     around = np.empty(8)
-    for j in range(start, stop):
-        for i in range(gradient.shape[1]):
+    rows, columns = gradient.shape
+    x, y = direction[0] * reach, direction[1] * reach
+    for j in range(max(start, y), min(stop, rows - y)):
+        for i in range(x, columns - x):
             here = gradient[j, i]
-            if here != here:
+            slope = (value[j + y, i + x] - value[j - y, i - x]) / (2 * reach * step)
+            tolerance = 2 * math.sqrt(variance[j, i]) + GRADIENT_FLOOR
+            if not abs(here - slope) > 3 * tolerance + abs(here) / 2:
                 continue
             count = neighbours(gradient, j, i, reach, around)
             if count < 5:
                 continue
             middle, largest = median(around, count), 0.0
-            if abs(here - middle) <= 3 * GRADIENT_FLOOR:
-                continue
             for k in range(count):
                 largest = max(largest, abs(around[k]))
                 around[k] = abs(around[k] - middle)
             spread = median(around, count)
-            allowed = 3 * (spread + 2 * math.sqrt(variance[j, i]) + GRADIENT_FLOOR) + largest / 2
-            if abs(here - middle) > allowed:
+            if abs(here - middle) > 3 * (spread + tolerance) + largest / 2:
                 found[j, i] = True
 
 
-def gradient_outliers(maps: NDArray[Any], variances: Array, step: int, window: float) -> NDArray[np.bool_]:
-    """Find points whose displacement gradient contradicts those of their neighbours.
+def gradient_outliers(maps: NDArray[Any], variances: Array, step: int, period: float) -> NDArray[np.bool_]:
+    """Find points whose displacement gradient contradicts their neighbours.
 
     Parameters
     ----------
-    maps, variances, step
+    maps, variances, step, period
         As for `disagreement`.
-    window : float
-        px; neighbours are half of it away.
 
     Returns
     -------
     bool array, shape (rows, columns)
     """
-    reach, found = max(1, round(window / 2 / step)), np.zeros(maps.shape[1:], np.bool_)
-    for k in range(2, 6):
-        gradient, variance = maps[k], variances[k]
+    found = np.zeros(maps.shape[1:], np.bool_)
+    reach = max(1, round(PHASE * period / (2 * math.pi) / step))
+    for k, direction in ((2, (1, 0)), (3, (0, 1)), (4, (1, 0)), (5, (0, 1))):
+        parts = maps[k], variances[k], maps[k // 2 - 1]
         over_strips(
-            lambda a, b, g=gradient, v=variance: _gradient_strip(g, v, reach, a, b, found),  # type: ignore[misc]
+            lambda a, b, parts=parts, along=direction: _gradient_strip(  # type: ignore[misc]
+                *parts, along, reach, step, a, b, found
+            ),
             maps.shape[1],
             _STRIP,
         )

@@ -243,8 +243,8 @@ def _compare_with_neighbours(
 ) -> None:
     """Flag outliers in gradient, edges, what is unresolved, and residuals that stand out (`consistency`)."""
     variances = gradient_variances(quality.covariance)
-    flag[gradient_outliers(maps, variances, grid.step, settings.window)] |= FLAGS["outlier"]
     period = attenuation_period(settings.sigma, settings.sharpen)
+    flag[gradient_outliers(maps, variances, grid.step, period)] |= FLAGS["outlier"]
     apart = disagreement(maps, variances, grid.step, period)
     edge = at_edge(apart, quality.foreign, quality.foreign_centre)
     flag[edge] |= FLAGS["edge"]
