@@ -191,7 +191,9 @@ def test_every_flag_reaches_the_settings(field):
     } | {"length_unit": "µm"}
     value = choices.get(field.name, "7")
     flag = "--" + field.name.replace("_", "-")
-    given = [flag] if field.name == "float64" else [flag, value]
+    given = [flag, value]
+    if isinstance(field.default, bool):
+        given = [f"--no-{flag[2:]}" if field.default else flag]
     _, bound, _ = build_app().parse_args(["measure", "A.tif", "B.tif", "-o", "f.nc", *given])
     flags = bound.arguments["flags"]
     assert list(flags) == [field.name]

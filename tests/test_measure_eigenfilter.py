@@ -196,7 +196,7 @@ def test_light_that_varies_over_the_frame(scene, steady, slope):
     y, x = np.mgrid[:192, :192] / 191
     frame1 = (1 + slope * (x - 0.5)) * scene.frame1 + 75 * slope * y
     field = eigenfilter(scene.frame0, frame1, **EXACT)
-    relit = measure(scene.frame0, frame1, lighting="gain+offset", **EXACT)
+    relit = measure(scene.frame0, frame1, lighting="gain+offset", robust=False, **EXACT)
     deep = measured.depth(field) >= 32
     error = measured.rms(measured.errors(field, scene)[deep])
     assert (error < 0.2 * measured.rms(measured.errors(relit, scene)[deep])).all()

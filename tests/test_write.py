@@ -60,7 +60,7 @@ def same(field, path):
         for name, variable in field.variables.items():
             assert back[name].dtype == variable.dtype or name in ("param", "param2")
         np.testing.assert_array_equal(back["flag"].attrs["flag_masks"], list(FLAGS.values()))
-        assert back["flag"].attrs["flag_masks"].dtype == np.uint8
+        assert back["flag"].attrs["flag_masks"].dtype == np.uint16
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".zarr"])
@@ -149,7 +149,7 @@ def test_netcdf_is_made_for_other_programs(tmp_path, field):
         # 1-D coordinates of text stop ParaView; text in NetCDF is an array of characters
         assert file["param"].dtype == np.dtype("S1")
         assert file["param"].shape == (6, 10)
-        assert file["flag"].attrs["flag_masks"].dtype == file["flag"].dtype == np.uint8
+        assert file["flag"].attrs["flag_masks"].dtype == file["flag"].dtype == np.uint16
         assert file["flag"].attrs["flag_meanings"].decode().split() == list(FLAGS)
         assert file.attrs["Conventions"] == b"CF-1.11"
         assert file["x"].attrs["axis"] == b"X"
@@ -162,7 +162,7 @@ def test_zarr_holds_standard_types_only(tmp_path, field):
     assert group.metadata.consolidated_metadata is not None
     types = {name: group[name].metadata.to_dict()["data_type"] for name in field.variables}
     assert types["param"] == "string"
-    assert set(types.values()) == {"float32", "float64", "uint8", "int64", "string"}
+    assert set(types.values()) == {"float32", "float64", "uint16", "int64", "string"}
 
 
 def test_chunks_keep_to_their_size():

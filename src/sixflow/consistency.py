@@ -1,39 +1,44 @@
 """Consistency: does the map of a point go on into those of its neighbours, or does something end in between?
 
-*Edge.* Two neighbours on opposite sides of a point p, at a distance h, each predict the displacement there, d + G(p − n). In a
-smooth field the predictions agree; across a motion edge, and over a structure that is not resolved, they do not. For
-d = A sin kx, with the gradient A k, they differ by up to S(kh) h A k, S(q) = 2 (sin q − q cos q)/q ≈ ⅔ q². The distance is the one
-at which q = 0.8 for the period that is attenuated by 10 %: half a window, less with sharpening, at least one step. There
-S = 0.4; a jump seen through the window makes 0.9. What exceeds
+*Edge.* Two neighbours on opposite sides of a point p, at a distance h, each predict the displacement there, d + G(p −
+n). In a smooth field the predictions agree; across a motion edge, and over a structure that is not resolved, they do
+not. For d = A sin kx, with the gradient A k, they differ by up to S(kh) h A k, S(q) = 2 (sin q − q cos q)/q ≈ ⅔ q².
+The distance is the one at which q = 0.8 for the period that is attenuated by 10 %: half a window, less with
+sharpening, at least one step. There S = 0.4; a jump seen through the window makes 0.9. What exceeds
 
     5 standard errors + floor + 1.5 S(kh) h · (largest gradient of the three, in that direction)
 
 lies across an edge. Four directions are asked: along x, along y, and the diagonals.
 
-A motion that is smooth but finer than the window exceeds it too. It leaves a residual everywhere in the window, a motion edge one
-in the pixels of the other motion, which `engine.weigh` has found foreign. So an edge is a disagreement E (in units of the
-above) together with a share φ of foreign pixels above the frame's median: E > 1 and φ > 0.03, or E > 0.5 and φ > 0.15, or
-E > 0.3 with most pixels about the point itself foreign (φ > 0.5 in a window of half the size: the map is that of the
-surroundings). E > 1 alone is a motion that is not resolved.
+A motion that is smooth but finer than the window exceeds it too. It leaves a residual everywhere in the window, a
+motion edge one in the pixels of the other motion, which `engine.weigh` has found foreign. So an edge is a
+disagreement E (in units of the above) together with a share φ of foreign pixels above the frame's median: E > 1 and φ
+> 0.03, or E > 0.5 and φ > 0.15, or E > 0.3 with most pixels about the point itself foreign (φ > 0.5 in a window of
+half the size: the map is that of the surroundings). E > 1 alone is a motion that is not resolved.
 
-*Residual.* A window stands out where both its residual and its residual over its contrast are more than 3 times the median of those
-one window away: neither brighter light nor lower contrast explains it.
+*Residual.* A window stands out where both its residual and its residual over its contrast are more than 3 times the
+median of those one window away: neither brighter light nor lower contrast explains it. Below 0.1 of
+the contrast it never does.
 
-*Gradients.* With m the median of the gradients of the eight neighbours half a window away, ρ the median of their distances from
-it and a the largest of their sizes, a point contradicts them where |g − m| > 3 (ρ + 2 standard errors + floor) + 0.5 a. The
-last term is what a smooth field may do in half a window: 1 − cos kh = 0.3 of the gradient at the limit of resolution.
+*Gradients.* With m the median of the gradients of the eight neighbours at the distance h, ρ the median of their
+distances from it and a the largest of their sizes, and f the difference of the displacements of two opposite
+neighbours over 2h, a point contradicts its neighbours where both
+
+    |g − m| > 3 (ρ + 2 standard errors + floor) + 0.5 a    and    |g − f| > 3 (2 standard errors + floor) + 0.5 |g|.
+
+The last terms are what a smooth field may do: of a wave g − m = (1 − cos kh) g and g − f = (1 − sin kh/kh) g at most.
 """
 
 from __future__ import annotations
 
 import math
-import warnings
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.convention.six import GRADIENT_FROM_SIX
+from sixflow.engine.compiler import kernel
+from sixflow.engine.threads import over_strips
 
 ERRORS = 5.0
 SMOOTH = 1.5  # times what the finest resolved wave does
@@ -41,30 +46,24 @@ PHASE = 0.8  # of the finest resolved wave, rad, over which opposite neighbours 
 FLOOR = 0.1  # px: disagreement that is never held against a point
 EDGES = ((1.0, 0.03), (0.5, 0.15))  # disagreement and share of foreign pixels that tell an edge
 COVERED = (0.3, 0.5)  # the same about the point itself
-STANDS_OUT = 3.0
+STANDS_OUT, LEAST_RESIDUAL = 3.0, 0.1  # times the neighbours' median; of a zero-normalised residual
 GRADIENT_FLOOR = 0.005  # of displacement gradients
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
+_STRIP = 16
 
 Array = NDArray[np.float64]
 
 
 def gradient_variances(covariance: NDArray[Any]) -> Array:
-    """Variances of u, v, u_x, u_y, v_x, v_y; shape (6, rows, columns)."""
-    spread = np.einsum(
-        "ki,...ij,kj->k...", GRADIENT_FROM_SIX, covariance.astype(np.float64), GRADIENT_FROM_SIX
-    )
-    return np.asarray(np.maximum(spread, 0))
-
-
-def shifted(values: NDArray[Any], di: int, dj: int) -> NDArray[Any]:
-    """Values of the points di columns and dj rows away, NaN beyond the grid; the last two axes are rows and columns."""
-    out = np.full_like(values, np.nan)
-    rows, columns = values.shape[-2:]
-    if abs(dj) < rows and abs(di) < columns:
-        here = (slice(max(0, -dj), rows - max(0, dj)), slice(max(0, -di), columns - max(0, di)))
-        there = (slice(max(0, dj), rows - max(0, -dj)), slice(max(0, di), columns - max(0, -di)))
-        out[(..., *here)] = values[(..., *there)]
-    return out
+    """Variances of u, v, u_x, u_y, v_x, v_y from the covariance of the six; shape (6, rows, columns)."""
+    C = covariance.astype(np.float64)
+    divergence, curl, stretch, shear = (C[..., k, k] for k in range(2, 6))
+    along, across = (divergence + stretch) / 4, (shear + curl) / 4
+    out = np.stack(
+        [C[..., 0, 0], C[..., 1, 1], along + C[..., 2, 4] / 2, across - C[..., 3, 5] / 2,
+         across + C[..., 3, 5] / 2, along - C[..., 2, 4] / 2]
+    )  # fmt: skip
+    return np.asarray(np.maximum(out, 0))
 
 
 def of_smooth(phase: float) -> float:
@@ -72,7 +71,36 @@ def of_smooth(phase: float) -> float:
     return 2 * (math.sin(phase) - phase * math.cos(phase)) / phase
 
 
-def disagreement(maps: NDArray[Any], variances: Array, step: int, period: float) -> NDArray[np.float64]:
+@kernel
+def _apart_strip(
+    maps: NDArray[Any], variances: NDArray[Any], di: int, dj: int, step: int, smooth: float, start: int,
+    stop: int, worst: NDArray[Any],
+) -> None:  # fmt: skip
+    """Raise `worst` to the disagreement of the neighbours (di, dj) columns and rows away on both sides."""
+    rows, columns = maps.shape[1:]
+    hx, hy = di * step, dj * step
+    for j in range(max(start, abs(dj)), min(stop, rows - abs(dj))):
+        for i in range(abs(di), columns - abs(di)):
+            for c in range(2):
+                gx, gy = 2 + 2 * c, 3 + 2 * c
+                before = maps[gx, j - dj, i - di] * hx + maps[gy, j - dj, i - di] * hy
+                after = maps[gx, j + dj, i + di] * hx + maps[gy, j + dj, i + di] * hy
+                here = maps[gx, j, i] * hx + maps[gy, j, i] * hy
+                apart = abs(maps[c, j - dj, i - di] + before - maps[c, j + dj, i + di] + after)
+                if not apart >= 0:
+                    continue
+                variance = variances[c, j - dj, i - di] + variances[c, j + dj, i + di]
+                variance += hx * hx * (variances[gx, j - dj, i - di] + variances[gx, j + dj, i + di])
+                variance += hy * hy * (variances[gy, j - dj, i - di] + variances[gy, j + dj, i + di])
+                slope = max(abs(before), abs(after))
+                if abs(here) > slope:
+                    slope = abs(here)
+                ratio = apart / (ERRORS * math.sqrt(variance) + FLOOR + smooth * slope)
+                if ratio > worst[j, i]:
+                    worst[j, i] = ratio
+
+
+def disagreement(maps: NDArray[Any], variances: Array, step: int, period: float) -> Array:
     """How far opposite neighbours disagree about a point, over what a smooth field and noise may do.
 
     Parameters
@@ -92,29 +120,41 @@ def disagreement(maps: NDArray[Any], variances: Array, step: int, period: float)
         The largest ratio over components and directions; above 1 lies an edge. 0 where nothing could be asked.
     """
     worst, k = np.zeros(maps.shape[1:]), 2 * math.pi / period
-    for direction in _DIRECTIONS:
-        length = math.hypot(*direction)
+    for column, row in _DIRECTIONS:
+        length = math.hypot(column, row)
         reach = max(1, round(PHASE / k / step / length))
         smooth = SMOOTH * of_smooth(min(k * reach * step * length, math.pi))
-        di, dj = direction[0] * reach, direction[1] * reach
-        hx, hy = di * step, dj * step
-        before, after = shifted(maps, -di, -dj), shifted(maps, di, dj)
-        errors = shifted(variances, -di, -dj), shifted(variances, di, dj)
-        for c in range(2):
-            gx, gy = 2 + 2 * c, 3 + 2 * c
-            change = [m[gx] * hx + m[gy] * hy for m in (before, maps, after)]
-            apart = np.abs(before[c] + change[0] - (after[c] - change[2]))
-            variance = sum(e[c] + e[gx] * hx**2 + e[gy] * hy**2 for e in errors)
-            allowed = (
-                ERRORS * np.sqrt(variance)
-                + FLOOR
-                + smooth * np.fmax(np.fmax(np.abs(change[0]), np.abs(change[2])), np.abs(change[1]))
-            )
-            worst = np.fmax(worst, apart / allowed)
+        di, dj = column * reach, row * reach
+        over_strips(
+            lambda a, b, di=di, dj=dj, smooth=smooth: _apart_strip(  # type: ignore[misc]
+                maps, variances, di, dj, step, smooth, a, b, worst
+            ),
+            maps.shape[1],
+            _STRIP,
+        )
     return worst
 
 
-def curvature(maps: NDArray[Any], step: int, window: float) -> NDArray[np.float64]:
+@kernel
+def _curved_strip(
+    maps: NDArray[Any], reach: int, step: int, start: int, stop: int, most: NDArray[Any]
+) -> None:
+    rows, columns = maps.shape[1:]
+    for j in range(start, stop):
+        for i in range(columns):
+            for di, dj in ((1, 0), (0, 1), (1, 1), (1, -1)):
+                x, y = di * reach, dj * reach
+                if min(j - y, j + y, i - x) < 0 or max(j - y, j + y) >= rows or i + x >= columns:
+                    continue
+                for c in (2, 4):
+                    along = (maps[c, j + y, i + x] - maps[c, j - y, i - x]) * di
+                    across = (maps[c + 1, j + y, i + x] - maps[c + 1, j - y, i - x]) * dj
+                    bent = abs(along + across) * reach * step / 4
+                    if bent > most[j, i]:
+                        most[j, i] = bent
+
+
+def curvature(maps: NDArray[Any], step: int, window: float) -> Array:
     """By how much neighbours half a window away mispredict a point because the field is curved, px.
 
     Their maps miss ½h² d''. The gradients of opposite neighbours differ by 2h d'': this is a quarter of h times
@@ -122,18 +162,18 @@ def curvature(maps: NDArray[Any], step: int, window: float) -> NDArray[np.float6
 
     Parameters
     ----------
-    maps, step, window
-        As for `gradient_outliers`.
+    maps : array, shape (6, rows, columns)
+    step : int
+        Grid spacing, px.
+    window : float
+        px; neighbours are half of it away.
 
     Returns
     -------
     array, shape (rows, columns), 0 where nothing could be asked
     """
     reach, most = max(1, round(window / 2 / step)), np.zeros(maps.shape[1:])
-    for di, dj in _DIRECTIONS:
-        change = shifted(maps[2:], di * reach, dj * reach) - shifted(maps[2:], -di * reach, -dj * reach)
-        for c in (0, 2):
-            most = np.fmax(most, np.abs(change[c] * di + change[c + 1] * dj) * reach * step / 4)
+    over_strips(lambda a, b: _curved_strip(maps, reach, step, a, b, most), maps.shape[1], _STRIP)
     return most
 
 
@@ -163,6 +203,52 @@ def at_edge(
     return found | ((apart > COVERED[0]) & (centre > COVERED[1]))
 
 
+@kernel
+def median(values: NDArray[Any], count: int) -> float:
+    """Median of the first `count` values, which are sorted in place."""
+    for k in range(1, count):
+        value = values[k]
+        n = k
+        while n > 0 and values[n - 1] > value:
+            values[n] = values[n - 1]
+            n -= 1
+        values[n] = value
+    middle = count // 2
+    return values[middle] if count % 2 else (values[middle - 1] + values[middle]) / 2
+
+
+@kernel
+def neighbours(values: NDArray[Any], j: int, i: int, reach: int, out: NDArray[Any]) -> int:
+    """Known values of the eight points `reach` away, into `out`; returns how many."""
+    rows, columns = values.shape
+    count = 0
+    for y in range(j - reach, j + reach + 1, reach):
+        for x in range(i - reach, i + reach + 1, reach):
+            if y < 0 or x < 0 or y >= rows or x >= columns or (y == j and x == i):
+                continue
+            value = values[y, x]
+            if value == value:
+                out[count] = value
+                count += 1
+    return count
+
+
+@kernel
+def _stands_out_strip(
+    noise: NDArray[Any], residual: NDArray[Any], reach: int, start: int, stop: int, found: NDArray[Any]
+) -> None:
+    around = np.empty(8)
+    for j in range(start, stop):
+        for i in range(noise.shape[1]):
+            count = neighbours(noise, j, i, reach, around)
+            found[j, i] = count >= 3 and noise[j, i] > STANDS_OUT * median(around, count)
+            if found[j, i] and residual[j, i] > LEAST_RESIDUAL:
+                count = neighbours(residual, j, i, reach, around)
+                found[j, i] = count >= 3 and residual[j, i] > STANDS_OUT * median(around, count)
+            else:
+                found[j, i] = False
+
+
 def stands_out(noise: NDArray[Any], residual: NDArray[Any], step: int, window: float) -> NDArray[np.bool_]:
     """Find windows whose residual is far above that of the windows around.
 
@@ -179,42 +265,67 @@ def stands_out(noise: NDArray[Any], residual: NDArray[Any], step: int, window: f
     -------
     bool array, shape (rows, columns)
     """
-    reach = max(1, round(window / step))
-    offsets = [(i, j) for j in (-reach, 0, reach) for i in (-reach, 0, reach) if (i, j) != (0, 0)]
-    found = np.ones(noise.shape, np.bool_)
-    for values in (noise, residual):
-        around = np.stack([shifted(values.astype(np.float64), i, j) for i, j in offsets])
-        known = np.isfinite(around).sum(axis=0)
-        ordered = np.sort(around, axis=0)  # NaN last
-        middle = np.take_along_axis(ordered, np.maximum(known - 1, 0)[None] // 2, axis=0)[0]
-        with np.errstate(invalid="ignore"):
-            found &= (known >= 3) & (values > STANDS_OUT * middle)
+    reach, found = max(1, round(window / step)), np.zeros(noise.shape, np.bool_)
+    over_strips(lambda a, b: _stands_out_strip(noise, residual, reach, a, b, found), noise.shape[0], _STRIP)
     return found
 
 
-def gradient_outliers(maps: NDArray[Any], variances: Array, step: int, window: float) -> NDArray[np.bool_]:
-    """Find points whose displacement gradient contradicts those of their neighbours.
+@kernel
+def _gradient_strip(
+    gradient: NDArray[Any],
+    variance: NDArray[Any],
+    value: NDArray[Any],
+    direction: tuple[int, int],
+    reach: int,
+    step: int,
+    start: int,
+    stop: int,
+    found: NDArray[Any],
+) -> None:
+    """`value` is the displacement that `gradient` is the slope of, along `direction` (columns, rows)."""
+    around = np.empty(8)
+    rows, columns = gradient.shape
+    x, y = direction[0] * reach, direction[1] * reach
+    for j in range(max(start, y), min(stop, rows - y)):
+        for i in range(x, columns - x):
+            here = gradient[j, i]
+            slope = (value[j + y, i + x] - value[j - y, i - x]) / (2 * reach * step)
+            tolerance = 2 * math.sqrt(variance[j, i]) + GRADIENT_FLOOR
+            if not abs(here - slope) > 3 * tolerance + abs(here) / 2:
+                continue
+            count = neighbours(gradient, j, i, reach, around)
+            if count < 5:
+                continue
+            middle, largest = median(around, count), 0.0
+            for k in range(count):
+                largest = max(largest, abs(around[k]))
+                around[k] = abs(around[k] - middle)
+            spread = median(around, count)
+            if abs(here - middle) > 3 * (spread + tolerance) + largest / 2:
+                found[j, i] = True
+
+
+def gradient_outliers(maps: NDArray[Any], variances: Array, step: int, period: float) -> NDArray[np.bool_]:
+    """Find points whose displacement gradient contradicts their neighbours.
 
     Parameters
     ----------
-    maps, variances, step
+    maps, variances, step, period
         As for `disagreement`.
-    window : float
-        px; neighbours are half of it away.
 
     Returns
     -------
     bool array, shape (rows, columns)
     """
-    reach = max(1, round(window / 2 / step))
-    offsets = [(i, j) for j in (-reach, 0, reach) for i in (-reach, 0, reach) if (i, j) != (0, 0)]
-    around = np.stack([shifted(maps[2:], i, j) for i, j in offsets])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # points without neighbours
-        middle = np.nanmedian(around, axis=0)
-        spread = np.nanmedian(np.abs(around - middle), axis=0)
-        largest = np.nanmax(np.abs(around), axis=0)
-    enough = np.isfinite(around).sum(axis=0) >= 5
-    allowed = 3 * (spread + 2 * np.sqrt(variances[2:]) + GRADIENT_FLOOR) + 0.5 * largest
-    with np.errstate(invalid="ignore"):
-        return np.asarray((enough & (np.abs(maps[2:] - middle) > allowed)).any(axis=0))
+    found = np.zeros(maps.shape[1:], np.bool_)
+    reach = max(1, round(PHASE * period / (2 * math.pi) / step))
+    for k, direction in ((2, (1, 0)), (3, (0, 1)), (4, (1, 0)), (5, (0, 1))):
+        parts = maps[k], variances[k], maps[k // 2 - 1]
+        over_strips(
+            lambda a, b, parts=parts, along=direction: _gradient_strip(  # type: ignore[misc]
+                *parts, along, reach, step, a, b, found
+            ),
+            maps.shape[1],
+            _STRIP,
+        )
+    return found

@@ -33,46 +33,69 @@ _STRIP = 64
 
 
 @kernel
-def lone_strip(image: NDArray[Any], start: int, stop: int, out: NDArray[Any]) -> None:
-    """B of the rows start … stop; 0 in the frame's outermost rows and columns."""
-    height, width = image.shape
-    zero = image.dtype.type(0)
+def lone(image: NDArray[Any], y: int, x: int) -> float:
+    """B of a pixel that has eight neighbours."""
+    p = image[y, x]
+    a = p - (image[y, x - 1] + image[y, x + 1]) / 2
+    b = p - (image[y - 1, x] + image[y + 1, x]) / 2
+    c = p - (image[y - 1, x - 1] + image[y + 1, x + 1]) / 2
+    d = p - (image[y - 1, x + 1] + image[y + 1, x - 1]) / 2
+    return max(min(min(a, b), min(c, d)), 0.0) + min(max(max(a, b), max(c, d)), 0.0)
+
+
+@kernel
+def _sample_strip(image: NDArray[Any], start: int, stop: int, out: NDArray[Any]) -> None:
+    """|B| of every fourth pixel of every fourth row."""
+    for k in range(start, stop):
+        for n in range(out.shape[1]):
+            out[k, n] = abs(lone(image, 1 + 4 * k, 1 + 4 * n))
+
+
+@kernel
+def _find_strip(
+    image0: NDArray[Any], image1: NDArray[Any], level0: float, level1: float, start: int, stop: int,
+    found: NDArray[Any],
+) -> None:  # fmt: skip
+    """Mark pixels whose B exceeds the level in both images, with one sign."""
+    width = image0.shape[1]
     for y in range(start, stop):
-        target = out[y]
-        for x in range(width):
-            target[x] = zero
-        if y == 0 or y == height - 1:
-            continue
-        above, row, below = image[y - 1], image[y], image[y + 1]
+        row0, row1, out = image0[y], image1[y], found[y]
         for x in range(1, width - 1):
-            p = row[x]
-            a = p - (row[x - 1] + row[x + 1]) / 2
-            b = p - (above[x] + below[x]) / 2
-            c = p - (above[x - 1] + below[x + 1]) / 2
-            d = p - (above[x + 1] + below[x - 1]) / 2
-            least, most = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
-            target[x] = max(least, zero) + min(most, zero)
+            a = row0[x] - (row0[x - 1] + row0[x + 1]) / 2
+            b = row1[x] - (row1[x - 1] + row1[x + 1]) / 2
+            out[x] = (abs(a) > level0) & (abs(b) > level1)
+        for x in range(1, width - 1):
+            if out[x]:
+                a, b = lone(image0, y, x), lone(image1, y, x)
+                out[x] = abs(a) > level0 and abs(b) > level1 and a * b > 0
 
 
-def lone(image: NDArray[Any]) -> NDArray[Any]:
-    """B of every pixel of an image."""
-    out = np.empty_like(image)
-    over_strips(lambda a, b: lone_strip(image, a, b, out), image.shape[0], _STRIP)
-    return out
+def _level(image: NDArray[Any]) -> float:
+    """|B| that stands out of a frame."""
+    height, width = image.shape
+    sample = np.empty(((height + 1) // 4, (width + 1) // 4), image.dtype)
+    over_strips(lambda a, b: _sample_strip(image, a, b, sample), sample.shape[0], _STRIP)
+    level = float(np.quantile(sample, 0.9)) if sample.size else 0.0
+    return max(STANDS_OUT * level, OF_CONTRAST * float(image[::4, ::4].std()))
 
 
 def defects(image0: NDArray[Any], image1: NDArray[Any]) -> NDArray[np.int64]:
     """Rows and columns of the defective pixels of a pair; shape (2, pixels)."""
-    spikes = lone(image0), lone(image1)
-    found = spikes[0] * spikes[1] > 0
-    for spike, image in zip(spikes, (image0, image1), strict=True):
-        size = np.abs(spike)
-        level = float(np.quantile(size[::4, ::4], 0.9))
-        found &= size > max(STANDS_OUT * level, OF_CONTRAST * float(image[::4, ::4].std()))
+    height = image0.shape[0]
+    found = np.zeros(image0.shape, np.bool_)
+    levels = _level(image0), _level(image1)
+    over_strips(
+        lambda a, b: _find_strip(image0, image1, *levels, max(a, 1), min(b, height - 1), found),
+        height,
+        _STRIP,
+    )
     y, x = np.nonzero(found)
-    for image, spike in zip((image0, image1), spikes, strict=True):
+    for image in (image0, image1):
+        if not len(y):
+            break
         around = np.stack([image[y + j, x + i] for j in (-1, 0, 1) for i in (-1, 0, 1) if (j, i) != (0, 0)])
-        alone = np.abs(spike[y, x]) > ALONE * np.abs(image[y, x] - np.median(around, axis=0))
+        spike = np.array([lone(image, int(j), int(i)) for j, i in zip(y, x, strict=True)])
+        alone = np.abs(spike) > ALONE * np.abs(image[y, x] - np.median(around, axis=0))
         y, x = y[alone], x[alone]
     return np.stack([y, x])
 

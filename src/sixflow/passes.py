@@ -365,13 +365,7 @@ class Passes:
         covariance = self._covariance(seen, transform)
         if not self.robust:
             return Quality(
-                covariance,
-                seen.texture,
-                seen.weight,
-                seen.residual,
-                seen.noise,
-                seen.rho,
-                self.minimum_texture,
+                covariance, seen.texture, seen.weight, seen.residual, seen.noise, seen.rho, self.minimum_texture
             )
         weight = self.workspace.array("pixel_weight", self.reference.image.shape, self.dtype)
         raw = self.workspace.array("raw_weight", weight.shape, self.dtype)

@@ -1,14 +1,14 @@
 """Replace: what the neighbours of a failed point predict, on request, with a covariance that says so.
 
-A measured point n at the offset h predicts T(h) six_n, the affine map carried to the failed point. The prediction is the mean
-m over the measured points of the smallest square about it that holds four, with weights 1/(variance of the predicted
-displacement), and its covariance
+A measured point n at the offset h predicts T(h) six_n, the affine map carried to the failed point. The prediction is
+the mean m over the measured points of the smallest square about it that holds four, with weights 1/(variance of the
+predicted displacement), and its covariance
 
     C = Σ ŵ T C_n Tᵀ  +  mean of (T six_n − m)(T six_n − m)ᵀ over the square that reaches half a window further
 
-the mean covariance, because neighbours share their windows and err together, and the scatter of the predictions, also of
-those from beyond: where a motion ends, the nearest points may all lie on one side. Nothing is predicted
-further than one window from a measured point.
+the mean covariance, because neighbours share their windows and err together, and the scatter of the predictions, also
+of those from beyond: where a motion ends, the nearest points may all lie on one side. Nothing is predicted further
+than one window from a measured point.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ s of the way leads to (`placing`),
 
     e = U(p) + V(p + (1 − 2s) U(p))
 
-vanishes where both follow the same thing. Both see the same noise, with opposite signs, so that e is far less than their
-standard errors: a point fails where |e| > 0.1 px + 3 √(s_U² + s_V²). A point for which the backward field knows
+vanishes where both follow the same thing. Both see the same noise, with opposite signs, so that e is far less than
+their standard errors: a point fails where |e| > 0.1 px + 3 √(s_U² + s_V²). A point for which the backward field knows
 nothing is not judged.
 """
 

@@ -23,6 +23,7 @@ from sixflow.consistency import (
     disagreement,
     gradient_outliers,
     gradient_variances,
+    median,
     stands_out,
 )
 from sixflow.engine.compiler import kernel
@@ -48,20 +49,6 @@ SUSPECT_RESIDUAL = 0.6  # enough to call a window unmatched whose texture does n
 MINIMUM_WEIGHT = 0.2
 TYPICAL_SHARE = 0.98
 COMPLETE_WEIGHT = 0.98
-
-
-@kernel
-def _median(values: NDArray[Any], count: int) -> float:
-    """Median of the first `count` values, which are sorted in place."""
-    for k in range(1, count):
-        value = values[k]
-        n = k
-        while n > 0 and values[n - 1] > value:
-            values[n] = values[n - 1]
-            n -= 1
-        values[n] = value
-    middle = count // 2
-    return values[middle] if count % 2 else (values[middle - 1] + values[middle]) / 2
 
 
 @kernel
@@ -101,10 +88,10 @@ def _test_strip(
                             furthest = max(furthest, abs(guess - maps[component, j, i]))
                 if count < 3 or furthest <= LIMIT * floor[j, i]:
                     continue
-                middle = _median(ordered, count)
+                middle = median(ordered, count)
                 for k in range(count):
                     ordered[k] = abs(predicted[k] - middle)
-                spread = _median(ordered, count)
+                spread = median(ordered, count)
                 if abs(maps[component, j, i] - middle) > LIMIT * (spread + floor[j, i]):
                     outlier[j, i] = True
 
@@ -187,9 +174,13 @@ def fill_failed(maps: NDArray[Any], step: int) -> NDArray[Any]:
     return filled
 
 
-def settle(maps: NDArray[Any], step: int, window: float) -> NDArray[Any]:
-    """Replace points that failed or contradict their neighbours by what the neighbours predict."""
-    outlier = median_outliers(maps, step, window)
+def settle(maps: NDArray[Any], step: int, window: float, *, curved: bool = False) -> NDArray[Any]:
+    """Replace points that failed or contradict their neighbours by what the neighbours predict.
+
+    With `curved` what a curved field makes them mispredict is no contradiction: for maps that have nearly settled.
+    """
+    floor = FLOOR + CURVED / LIMIT * curvature(maps, step, window) if curved else FLOOR
+    outlier = median_outliers(maps, step, window, floor)
     if outlier.any():
         maps = np.where(outlier, np.nan, maps)
     return fill_failed(maps, step)
@@ -254,8 +245,8 @@ def _compare_with_neighbours(
 ) -> None:
     """Flag outliers in gradient, edges, what is unresolved, and residuals that stand out (`consistency`)."""
     variances = gradient_variances(quality.covariance)
-    flag[gradient_outliers(maps, variances, grid.step, settings.window)] |= FLAGS["outlier"]
     period = attenuation_period(settings.sigma, settings.sharpen)
+    flag[gradient_outliers(maps, variances, grid.step, period)] |= FLAGS["outlier"]
     apart = disagreement(maps, variances, grid.step, period)
     edge = at_edge(apart, quality.foreign, quality.foreign_centre)
     flag[edge] |= FLAGS["edge"]

@@ -21,7 +21,7 @@ class Tally:
     def add(self, field: xr.Dataset) -> None:
         """Count the field of one more pair, or of several."""
         # plain arrays: a small pair takes less time to measure than labelled arrays take to be compared
-        flag = field["flag"].values
+        flag = field["flag"].values.astype(np.int64)
         known = (flag & FAILING) == 0
         for name in SIX:
             known &= np.isfinite(field[name].values)

@@ -10,16 +10,16 @@ particle or a glint, is larger than a pixel. Gaussian noise keeps 0.995 of its w
 | symbol | meaning |
 |---|---|
 | r, g | residual and gradient of `warp` |
-| s₀ | 1.4826 · median of \\|r\\| over a tile of 16 × 16 pixels: noise |
-| e | 1.4826 · median of \\|r\\|/\\|g\\| over its steeper pixels: displacement that the fit leaves, px |
+| s₀ | 1.4826 · median of ∣r∣ over a tile of 16 × 16 pixels: noise |
+| e | 1.4826 · median of ∣r∣/∣g∣ over its steeper pixels: displacement that the fit leaves, px |
 
 Medians stand up to 40 % of foreign pixels. The second term is what keeps the fit linear: where windows do not resolve
 the motion, steep pixels have large residuals, all of them, and none is an outlier. Of both scales the median
 over 5 × 5 tiles is taken, and it is interpolated between the tiles.
 
-The estimate is an M-estimate with ψ = ω r. Its covariance is the sandwich with Σ w ψ' J Jᵀ for bread, not Σ w ω J Jᵀ, and where ω
-falls ψ' is below ω by (2 t²)/(5² − 3.5²): pixels that are neither in nor out add noise. `weighing_noise` is the
-factor (mean ω / mean ψ')², which is 1 without foreign pixels.
+The estimate is an M-estimate with ψ = ω r. Its covariance is the sandwich with Σ w ψ' J Jᵀ for bread, not Σ w ω J Jᵀ,
+and where ω falls ψ' is below ω by (2 t²)/(5² − 3.5²): pixels that are neither in nor out add noise. `weighing_noise`
+is the factor (mean ω / mean ψ')², which is 1 without foreign pixels.
 
 Weighting multiplies gradient, right-hand side and residual by √ω in place: the normal equations then have ω, the
 sandwich ω². A pixel with almost no weight has none, like one without a partner: NaN residual, g = 0.

@@ -12,7 +12,7 @@
 | body | time, y, x | – | number of the body in the mask, 0 where masked; where there are several, or moving masks |
 | frame0, frame1 | time | – | numbers of the reference and the moved frame |
 
-A point whose flag contains one of `FAILING` is NaN in every measured variable. Grid points lie on whole
+A point whose flag contains one of `FAILING` is NaN in every measured variable, unless it is `replaced`. Grid points lie on whole
 pixels.
 """
 
@@ -68,7 +68,8 @@ def build_field(
         The six numbers in the order of `SIX`; NaN where the point failed.
     covariance : array, shape (time, y, x, 6, 6)
     residual, noise, resolution : array, shape (time, y, x)
-    flag : uint16 array, shape (time, y, x)
+    flag : int array, shape (time, y, x)
+        Kept as uint16; files of version 0.1 hold uint8, which reads the same.
     x, y : int arrays
         Pixel coordinates of the grid columns and rows.
     time : float array
@@ -96,7 +97,7 @@ def build_field(
         variables[name] = (grid, values, {"long_name": _LONG_NAMES[name][0], "units": _LONG_NAMES[name][1]})
     variables["flag"] = (
         grid,
-        flag,
+        np.asarray(flag, dtype=np.uint16),
         {
             "long_name": "what happened at the point; 0 is measured with a complete window",
             "flag_masks": np.array(list(FLAGS.values()), dtype=np.uint16),

@@ -82,7 +82,7 @@ def _standard_errors(field: xr.Dataset) -> dict[str, xr.Variable]:
 def _words(flags: Array) -> Array:
     """Return the meaning of each flag, such as "border|outlier"; "ok" where none is set."""
     values, inverse = np.unique(flags, return_inverse=True)
-    words = ["|".join(name for name, bit in FLAGS.items() if value & bit) or "ok" for value in values]
+    words = ["|".join(name for name, bit in FLAGS.items() if int(value) & bit) or "ok" for value in values]
     return np.array(words)[inverse]
 
 
