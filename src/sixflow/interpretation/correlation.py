@@ -23,7 +23,9 @@ The noise's share ρ follows from the precision P of points: 1/P_uu = 2s²/(wind
 ρ = 2κs²/⟨g_x² + g_y²⟩ are made of the same noise s and texture g, so that with κ
 (`sixflow.engine.spline.gradient_noise`)
 
-    ρ f²(ρ) = κ window²/(P_uu + P_vv),     f the feedback's factor of the standard error of u.
+    ρ (1 + ρ) f²(ρ) = κ window²/(P_uu + P_vv),
+
+1 + ρ because the noise of the gradients makes errors, too, f the feedback's factor of the standard error of u.
 
 R(d), 3×3, is this normalised to the unit diagonal, for the unknowns (u, σu_x, σu_y) of either component. The errors
 of a field whose points have the covariance C_p then have the covariance C_p^½ R(q − p) C_q^½: exact for a uniform
@@ -93,7 +95,7 @@ def noise_share(precision: Array, sigma: float, gradient_noise: float) -> float:
     """
     known = np.arange(0, _MOST + FEEDBACK_STEP / 2, FEEDBACK_STEP)
     seen = gradient_noise * 4 * math.pi * sigma**2 / float(np.mean(precision[:, 0, 0] + precision[:, 3, 3]))
-    return float(np.interp(seen, known * noise_feedback()[0] ** 2, known))
+    return float(np.interp(seen, known * (1 + known) * noise_feedback()[0] ** 2, known))
 
 
 class Correlation:
