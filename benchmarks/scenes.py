@@ -2,6 +2,7 @@
 
     python benchmarks/scenes.py           200 scenes, about two minutes on two cores
     python benchmarks/scenes.py --quick   40 scenes
+    python benchmarks/scenes.py --first 5000   200 others
 
 Planes in known rigid motion are rendered by `sixflow.synth`, measured and interpreted. `spread` is the standard
 deviation of error / standard error over the scenes, ideally 1; `mean` is its mean, ideally 0.
@@ -145,11 +146,11 @@ def standardised(estimate: Estimate, truth: float) -> float:
     return error / estimate.standard_error
 
 
-def close_the_loop(count: int) -> None:
+def close_the_loop(count: int, first: int) -> None:
     found: dict[str, list[float]] = {}
     lost: dict[str, int] = {}
     misfits, inside = [], 0
-    for seed in range(count):
+    for seed in range(first, first + count):
         turning, still = make_scene(seed, True), make_scene(10_000 + seed, False)
         fit, still_fit = fit_region(turning.field), fit_region(still.field)
         misfits += [fit.misfit.value, still_fit.misfit.value]
@@ -290,9 +291,10 @@ def main() -> None:
     )
     parser.add_argument("--quick", action="store_true", help="40 scenes and 10 patterns")
     parser.add_argument("--scenes", type=int, default=200, help="number of scenes")
+    parser.add_argument("--first", type=int, default=0, help="number of the first scene, which seeds it")
     arguments = parser.parse_args()
     console.print(f"sixflow {sixflow.__version__}\n")
-    close_the_loop(40 if arguments.quick else arguments.scenes)
+    close_the_loop(40 if arguments.quick else arguments.scenes, arguments.first)
     approach(10 if arguments.quick else 50)
     looming()
 

@@ -22,7 +22,15 @@ from sixflow.interpretation import (
 )
 from sixflow.interpretation.interval import excess_of_mean
 from sixflow.interpretation.sight import look_at, turn_to
-from sixflow.scenes import Camera, Plane, RigidMotion, homography_flow, planar_flow, plane_homography
+from sixflow.scenes import (
+    Camera,
+    Plane,
+    RigidMotion,
+    homography_flow,
+    planar_flow,
+    planar_structure,
+    plane_homography,
+)
 
 PLANE = Plane.from_slant(2.0, 0.7, 0.5)
 V, OMEGA = (0.03, 0.02, 0.045), (0.004, -0.006, 0.01)
@@ -368,6 +376,27 @@ def test_special_cases_of_plane_and_motion():
     assert facing.time_to_contact.value == pytest.approx(50, rel=1e-4)
     assert not facing.tilt.determined
     assert "along the plane's normal" in facing.assumptions[0]
+
+
+def test_solutions_that_cannot_be_told_apart_are_given_as_one():
+    """Motion nearly along the normal: one solution, whose errors reach to the other and to the truth."""
+    plane = Plane.from_slant(2.0, 0.5, 0.3)
+    normal = np.array(plane.normal)
+    motion = RigidMotion(tuple(0.05 * normal + 0.004 * np.cross(normal, [0, 1, 0])), OMEGA)
+    exact, middle = exact_fit(CAMERA, plane, motion, error=0.006), plane.moved(motion.displacement(0.5))
+    fit = fit_of(exact.eight.coefficients, exact.eight.covariance, exact.centre)
+    (given,) = plane_and_motion(fit, CAMERA, distance=middle.distance)
+    assert str(given.solution.case) == "along normal"
+    both = planar_structure(fit.eight, CAMERA)
+    own = np.sqrt(np.trace(both[0].covariance[:3, :3]) / 3)
+    assert np.linalg.norm(both[1].normal - both[0].normal) > 2 * own  # errors of each are those about itself
+    for one in both:
+        reach = np.sqrt(np.diagonal(given.solution.covariance)[:3])
+        assert (np.abs(one.normal - given.solution.normal) < 1.5 * reach).all()
+    names = ("slant", "V_X", "V_Y", "V_Z", "Omega_X", "Omega_Y", "Omega_Z")
+    for name, true in zip(names, (middle.slant, *motion.translation, *motion.rotation), strict=True):
+        estimate = getattr(given, name)
+        assert abs(estimate.value - true) < 1.5 * estimate.standard_error, name
 
 
 def test_excess_of_the_mean_leaves_the_fifth_order():

@@ -64,7 +64,7 @@ class RegionLight:
         share : float
             Of the way from `still` to `moved`: where the maps are told (`placing`).
         """
-        there = self.there
+        there: NDArray[Any] | None = self.there
         if there is None:
             there = self._carried(-maps, share) if self.backwards else self._carried(maps, 1 - share)
         pair = [(self.first, self.inside), (self.second, there)]

@@ -68,11 +68,11 @@ class Start:
             body = self.body[places]
             own = body > 0 if number is None else body == number
             maps = np.where(own, maps, np.nan)
-        known = np.isfinite(maps).all(axis=0)
+        known: NDArray[np.bool_] = np.isfinite(maps).all(axis=0)
         return Start(fill_failed(maps, grid.step), None, known) if known.any() else None
 
     def succeeded(
-        self, flag: NDArray[np.uint8], grid: Grid, shape: tuple[int, int], settings: Settings
+        self, flag: NDArray[np.uint16], grid: Grid, shape: tuple[int, int], settings: Settings
     ) -> bool:
         """Whether the points that were known, and whose windows stay in the frame, were measured again."""
         asked = (flag & FLAGS["masked"]) == 0
@@ -84,6 +84,9 @@ class Start:
     def backwards(self) -> Start:
         """The same from frame 1 to frame 0, at points of frame 1."""
         return dataclasses.replace(self, maps=-self.maps)
+
+
+_OF_POINTS = ("residual", "noise", "rho", "window", "period")
 
 
 @dataclasses.dataclass
@@ -103,12 +106,13 @@ class Found:
     @classmethod
     def nothing(cls, shape: tuple[int, int]) -> Found:
         """Start with all points masked."""
+        unknown = {name: np.full(shape, np.nan) for name in _OF_POINTS}
         return cls(
-            np.full((6, *shape), np.nan),
-            np.full((*shape, 6, 6), np.nan),
-            *[np.full(shape, np.nan) for _ in range(5)],
-            np.full(shape, FLAGS["masked"], np.uint16),
-            np.zeros(shape, np.int32),
+            maps=np.full((6, *shape), np.nan),
+            covariance=np.full((*shape, 6, 6), np.nan),
+            flag=np.full(shape, FLAGS["masked"], np.uint16),
+            body=np.zeros(shape, np.int32),
+            **unknown,
         )
 
     def take(self, one: Found, number: int, places: tuple[slice, slice]) -> None:
@@ -122,6 +126,6 @@ class Found:
             better = np.where(failed == was_failed, one.residual < residual, was_failed)
         new = ((one.flag & FLAGS["masked"]) == 0) & (better | ((flag & FLAGS["masked"]) != 0))
         self.maps[(slice(None), *places)][:, new] = one.maps[:, new]
-        for name in ("covariance", "residual", "noise", "rho", "window", "period", "flag"):
+        for name in ("covariance", *_OF_POINTS, "flag"):
             getattr(self, name)[places][new] = getattr(one, name)[new]
         self.body[places][new] = number

@@ -22,8 +22,8 @@ from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.field.flags import FLAGS
 from sixflow.grid import Grid
-from sixflow.lighting import Change
 from sixflow.light import RegionLight
+from sixflow.lighting import Change
 from sixflow.masks import Bodies
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
 from sixflow.passes import Workspace
@@ -201,7 +201,7 @@ class Session:
         failed = (flag & FAILING).astype(bool)
         six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, found.maps, axes=1), 0, -1)
         six[..., ABSENT.get(settings.group, ())] *= 0.0  # by assumption, not by rounding; NaN stays NaN
-        measured = {
+        measured: dict[str, Any] = {
             "six": six,
             "covariance": found.covariance,
             "residual": found.residual,
@@ -298,7 +298,8 @@ class Session:
         flag, quality = found.flag, found.quality
         flag[masked_points(maps, grid, asked.valid, settings.reference)] = FLAGS["masked"]
         return Found(
-            maps, quality.covariance, quality.residual, quality.noise, quality.rho, found.window, found.period, flag, None
+            maps, quality.covariance, quality.residual, quality.noise, quality.rho,
+            found.window, found.period, flag, None,
         )  # fmt: skip
 
     def _light(

@@ -17,6 +17,16 @@ c is then a sum of Gaussians,
 
     c(d) = Σ_m b_m exp(−|d|²/2mσ²),     b_m ∝ (Σ_{j+l=m} a_j a_l)/m,     Σ b_m = 1.
 
+Without sharpening, the noise in the gradients ties a point to its neighbours (`sixflow.engine.solve`) and holds back
+errors that vary within a window: they answer by M/(1 + ρ(1 − M)), which is such a sum with a_j = ρ^{j−1}/(1 + ρ)^j.
+The noise's share ρ follows from the precision P of points: 1/P_uu = 2s²/(window²⟨g_x²⟩) and
+ρ = 2κs²/⟨g_x² + g_y²⟩ are made of the same noise s and texture g, so that with κ
+(`sixflow.engine.spline.gradient_noise`)
+
+    ρ (1 + ρ) f²(ρ) = κ window²/(P_uu + P_vv),
+
+1 + ρ because the noise of the gradients makes errors, too, f the feedback's factor of the standard error of u.
+
 R(d), 3×3, is this normalised to the unit diagonal, for the unknowns (u, σu_x, σu_y) of either component. The errors
 of a field whose points have the covariance C_p then have the covariance C_p^½ R(q − p) C_q^½: exact for a uniform
 texture, for which C_p^½ is the same everywhere, and interpolated between the points' own errors for any other.
@@ -27,7 +37,6 @@ small matrices on rows and on columns.
 
 from __future__ import annotations
 
-import functools
 import math
 from typing import Any, NamedTuple
 
@@ -35,10 +44,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.engine.response import powers
+from sixflow.engine.solve import FEEDBACK_STEP, noise_feedback
 
 Array = NDArray[Any]
 
 _DERIVATIVES = ((0, 0), (1, 0), (0, 1))  # orders in x and y of u, u_x, u_y
+
+
+_LEAST = 1e-4  # weights below this share are left out
+_MOST = 4.0  # as in `noise_feedback`
 
 
 class _Gaussians(NamedTuple):
@@ -48,12 +62,39 @@ class _Gaussians(NamedTuple):
     weights: Array
 
 
-@functools.cache
-def _autocorrelation(sharpen: int) -> _Gaussians:
-    power = np.convolve(powers(sharpen), powers(sharpen))
-    m = np.arange(2, len(power))
-    weights = power[2:] / m
+def _autocorrelation(sharpen: int, noise_share: float) -> _Gaussians:
+    """The Gaussians of a response Σ_j a_j M^j."""
+    if sharpen:
+        power = np.convolve(powers(sharpen), powers(sharpen))[2:]
+    else:
+        held = noise_share / (1 + noise_share)
+        terms = 1 if held == 0 else math.ceil(math.log(_LEAST) / math.log(held)) + 1
+        power = np.arange(1, terms + 1) * held ** np.arange(terms)
+    m = np.arange(2, len(power) + 2)
+    weights = power / m
     return _Gaussians(m.astype(float), weights / weights.sum())
+
+
+def noise_share(precision: Array, sigma: float, gradient_noise: float) -> float:
+    """Return ρ, the share of noise in the normal equations of points.
+
+    Parameters
+    ----------
+    precision : array, shape (n, 6, 6)
+        Of (u, σu_x, σu_y, v, σv_x, σv_y).
+    sigma : float
+        Standard deviation of the window, px.
+    gradient_noise : float
+        κ; 0 where no feedback is known.
+
+    Returns
+    -------
+    float
+        From 0 to 4.
+    """
+    known = np.arange(0, _MOST + FEEDBACK_STEP / 2, FEEDBACK_STEP)
+    seen = gradient_noise * 4 * math.pi * sigma**2 / float(np.mean(precision[:, 0, 0] + precision[:, 3, 3]))
+    return float(np.interp(seen, known * (1 + known) * noise_feedback()[0] ** 2, known))
 
 
 class Correlation:
@@ -67,10 +108,12 @@ class Correlation:
         Standard deviation of the window, px.
     sharpen : int
         Sharpening passes.
+    noise_share : float
+        ρ, at least 0; counts without sharpening only.
     """
 
-    def __init__(self, x: Array, y: Array, sigma: float, sharpen: int) -> None:
-        variances, weights = _autocorrelation(sharpen)
+    def __init__(self, x: Array, y: Array, sigma: float, sharpen: int, noise_share: float = 0.0) -> None:
+        variances, weights = _autocorrelation(sharpen, noise_share)
         slope = math.sqrt(float((weights / variances).sum()))  # standard deviation of σu_x over that of u
         self._scale = np.array([1.0, 1 / slope, 1 / slope])
         between_x, between_y = ((at - at[:, None]) / sigma for at in (x, y))

@@ -9,6 +9,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sixflow.engine.spline import DEGREE, gradient_noise
+from sixflow.engine.warp import DERIVATIVE
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
 from sixflow.field.calibration import known_interval
@@ -23,7 +25,6 @@ from sixflow.field.selection import (
     stored_settings,
     valid,
 )
-from sixflow.interpretation.correlation import Correlation
 from sixflow.resolution import SHARPEN
 from sixflow.scenes._checks import numbers
 
@@ -46,6 +47,8 @@ class Points:
         Standard deviation of the window, px.
     sharpen : int
         Sharpening passes.
+    gradient_noise : float
+        Power that unit noise of the frames adds to their gradients; 0 for methods other than least squares.
     region : (float, float, float, float)
         x0, y0, x1, y1, px.
     interval : float or None
@@ -61,6 +64,7 @@ class Points:
     covariance: Array
     sigma: float
     sharpen: int
+    gradient_noise: float
     region: Region
     interval: float | None
     tally: str
@@ -69,11 +73,6 @@ class Points:
     def count(self) -> int:
         """How many points are used."""
         return int(self.used.sum())
-
-    @property
-    def correlation(self) -> Correlation:
-        """Of their errors."""
-        return Correlation(self.x, self.y, self.sigma, self.sharpen)
 
 
 def select_points(field: xr.Dataset, region: Any, time: int, border: bool) -> Points:
@@ -99,7 +98,7 @@ def select_points(field: xr.Dataset, region: Any, time: int, border: bool) -> Po
     if not isinstance(border, bool):
         raise InputError(f"border={border!r}: must be True or False")
     covariance = require_variable(pair, "covariance").transpose("y", "x", "param", "param2")
-    window, sharpen = _window(whole)
+    sigma, sharpen, noise = _window(whole)
     rows, columns = frame_shape(whole)
     limits = _limits(region, rows, columns)
     inside = pair.sel(x=slice(limits[0], limits[2]), y=slice(limits[1], limits[3]))
@@ -126,15 +125,16 @@ def select_points(field: xr.Dataset, region: Any, time: int, border: bool) -> Po
         used,
         np.where(used[..., None], six, 0.0),
         np.where(used[..., None, None], spread, np.eye(6)),
-        window_sigma(window),
+        sigma,
         sharpen,
+        noise,
         limits,
         known_interval(whole),
         tally,
     )
 
 
-def _window(field: xr.Dataset) -> tuple[float, int]:
+def _window(field: xr.Dataset) -> tuple[float, int, float]:
     settings = stored_settings(field)
     window, sharpen = settings.get("window"), settings.get("sharpen", 0)
     if window == "auto":  # one window for all, the median
@@ -144,7 +144,10 @@ def _window(field: xr.Dataset) -> tuple[float, int]:
             f"attribute settings: window={window!r}, sharpen={sharpen!r}; the window tells how errors are correlated; "
             "use the field as it was measured or read"
         )
-    return float(window), sharpen
+    noise = 0.0
+    if settings.get("method", "least_squares") == "least_squares":
+        noise = gradient_noise(DEGREE.get(str(settings.get("interpolation")), DEGREE["quintic"]), DERIVATIVE)
+    return window_sigma(float(window)), sharpen, noise
 
 
 def _limits(region: Any, rows: int, columns: int) -> Region:

@@ -1,19 +1,19 @@
 """The motion of a region: the six or eight coefficients of its flow, by weighted least squares over its points.
 
-With the six numbers y_p of every point, their covariance C_p, and the model f_p(θ) of `model` with its derivative A_p,
+With the six numbers y_p of every point, their weights W_p, and the model f_p(θ) of `model` with its derivative A_p,
 
-    minimise Σ_p (y_p − f_p)ᵀ C_p⁻¹ (y_p − f_p),     Cov θ = N⁻¹ [Σ_pq B_pᵀ R_pq B_q] N⁻¹,
-    B_p = C_p^(−½) A_p,   N = Σ_p B_pᵀ B_p,
+    minimise Σ_p (y_p − f_p)ᵀ W_p (y_p − f_p),     Cov θ = N⁻¹ [Σ_pq B_pᵀ K_pq B_q] N⁻¹,
+    B_p = W_p^½ A_p,   N = Σ_p B_pᵀ B_p,   K_pq = W_p^½ C_p^½ R_pq C_q^½ W_q^½,
 
-by Gauss–Newton steps. The weights are those of independent points; the covariance counts that they are not:
-neighbours share pixels, and R_pq is the correlation of their errors (`correlation`). A grid twice as dense has four
-times the points and nearly the same standard errors.
+by Gauss–Newton steps. The weights follow the covariances C_p but not their noise (`weights`). They are those of
+independent points; the covariance counts that points are not: neighbours share pixels, and R_pq is the correlation of
+their errors (`correlation`). A grid twice as dense has four times the points and nearly the same standard errors.
 
 Two numbers tell how much the result can be trusted:
 
 - *independent points*: n²/Σ_pq R_pq of u. So many points of separate windows would determine the mean displacement
   as well.
-- *misfit*: Q/E[Q] with Q the minimum above; E[Q] = 6n − tr(N⁻¹ Σ BᵀRB), Var Q = 2 tr (PRP)², P = I − B N⁻¹ Bᵀ. It is
+- *misfit*: Q/E[Q] with Q the minimum above; E[Q] = tr K − tr(N⁻¹ Σ BᵀKB), Var Q = 2 tr (PKP)², P = I − B N⁻¹ Bᵀ. It is
   1 if the region moves as the model says and the covariances are right; then its standard error is √Var Q/E[Q].
 
 Where the misfit exceeds 1 by more than three standard errors, the covariance is multiplied by it, which takes what the
@@ -32,10 +32,11 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.errors import InputError, MeasurementError
-from sixflow.interpretation.correlation import unknowns_from_six
+from sixflow.interpretation.correlation import Correlation, noise_share, unknowns_from_six
 from sixflow.interpretation.estimate import Clock, Estimate, Interpretation
 from sixflow.interpretation.model import plane_in_window
 from sixflow.interpretation.points import Points, Region, select_points
+from sixflow.interpretation.weights import precision_around, symmetric_power, weights
 from sixflow.scenes import Eight
 from sixflow.scenes._checks import number, require
 
@@ -247,13 +248,16 @@ class _Solver:
         self.x, self.y = points.x[columns] - centre[0], points.y[rows] - centre[1]
         to_unknowns = unknowns_from_six(points.sigma)
         spread = to_unknowns @ points.covariance[self.place] @ to_unknowns.T
-        variances, axes = np.linalg.eigh(spread)
-        if not (variances > 0).all():
+        if not (np.linalg.eigvalsh(spread) > 0).all():
             raise InputError(
                 "covariance: must be positive definite at every valid point; measure the frames again"
             )
-        root = np.einsum("nij,nj,nkj->nik", axes, variances**-0.5, axes)
+        around = precision_around(spread, points.used, points.x, points.y, points.sigma)
+        root = symmetric_power(weights(spread, around), 0.5)
         self.whiten = root @ to_unknowns
+        self.scatter = root @ symmetric_power(spread, 0.5)
+        share = noise_share(around, points.sigma, points.gradient_noise)
+        self.correlation = Correlation(points.x, points.y, points.sigma, points.sharpen, share)
 
     def solve(self) -> _Solution:
         theta = np.zeros(8)
@@ -285,29 +289,34 @@ class _Solver:
         inverse = np.linalg.inv(np.linalg.cholesky(B.T @ B)).T
         Q = B @ inverse
         inverse /= scale[:, None]
-        meat = Q.T @ self._correlate(Q)
+        meat = Q.T @ self._scattered(Q)
         covariance = np.zeros((8, 8))
         covariance[: self.k, : self.k] = inverse @ ((meat + meat.T) / 2) @ inverse.T
         left = r - Q @ (Q.T @ r)
-        expected = r.size - float(np.trace(meat))
+        expected = float((self.scatter**2).sum() - np.trace(meat))
         misfit = Estimate(float(left @ left) / expected, self._spread(Q) / expected)
         return _Solution(theta, _enlargement(misfit) * covariance, self._independent(), misfit)
 
     def _correlate(self, values: Array) -> Array:
-        """R times columns of numbers at the points, shape (6n, k)."""
-        grid = np.zeros((*self.points.used.shape, 6, values.shape[1]))
-        grid[self.place] = values.reshape(-1, 6, values.shape[1])
-        return self.points.correlation.apply(grid)[self.place].reshape(values.shape)
+        """R times columns of numbers at the points, shape (n, 6, k)."""
+        grid = np.zeros((*self.points.used.shape, 6, values.shape[-1]))
+        grid[self.place] = values
+        return self.correlation.apply(grid)[self.place]
+
+    def _scattered(self, values: Array) -> Array:
+        """K times columns of numbers, shape (6n, k)."""
+        seen = self._correlate(np.swapaxes(self.scatter, 1, 2) @ values.reshape(-1, 6, values.shape[1]))
+        return np.asarray((self.scatter @ seen).reshape(values.shape))
 
     def _spread(self, Q: Array) -> float:
-        """√(2 tr (PRP)²), by the mean of |PRP z|² over probes z of random signs."""
+        """√(2 tr (PKP)²), by the mean of |PKP z|² over probes z of random signs."""
         z = np.random.default_rng(0).choice([-1.0, 1.0], (len(Q), _PROBES))
         z -= Q @ (Q.T @ z)
-        z = self._correlate(z)
+        z = self._scattered(z)
         z -= Q @ (Q.T @ z)
         return math.sqrt(2 * float((z**2).sum()) / _PROBES)
 
     def _independent(self) -> float:
-        ones = np.zeros((6 * self.points.count, 1))
-        ones[::6] = 1
+        ones = np.zeros((self.points.count, 6, 1))
+        ones[:, 0] = 1
         return float(self.points.count**2 / (ones * self._correlate(ones)).sum())

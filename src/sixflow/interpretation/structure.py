@@ -3,6 +3,9 @@
 The closed form is that of `scenes.planar_structure`, for the middle of the frame interval (`interval`): plane and
 velocities are those. The time to contact is that of the plane, along its normal, and counts from the reference frame,
 t_c = 1/(1 − e^(−ρ)) with ρ = V·n̂/d (`contact`).
+
+Where the motion cannot be told from one along the normal, one of the two solutions is given. The other is as likely,
+so its covariance gets ½ δ δᵀ, δ the difference of both in normal, translation and rotation: errors reach to the other.
 """
 
 from __future__ import annotations
@@ -10,6 +13,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from typing import ClassVar
+
+import numpy as np
 
 from sixflow.interpretation.contact import contact_time
 from sixflow.interpretation.estimate import Estimate, Interpretation
@@ -89,7 +94,7 @@ def plane_and_motion(
     Returns
     -------
     tuple of PlaneAndMotion
-        Two, of which one is true; one where both are the same.
+        Two, of which one is true; one where both are the same, or cannot be told apart.
 
     Raises
     ------
@@ -116,12 +121,24 @@ def plane_and_motion(
         (1.0, "distance") if distance is None else (number("distance", distance, above=0), length_unit)
     )
     solutions = planar_structure(fit.eight, camera, of=of, visible_at=[fit.centre])
-    both = str(solutions[0].case) == "general"
-    count = 2 if both and bool(solutions[1].visible) else 1
-    refined = [_refined(fit, camera, solution) for solution in solutions[:count]]
+    refined = [_refined(fit, camera, solution) for solution in solutions if bool(solution.visible)]
+    offered = _offered(refined or [_refined(fit, camera, solutions[0])])
     return tuple(
-        _of_solution(fit, solution, scale, unit, k, count) for k, solution in enumerate(refined, start=1)
+        _of_solution(fit, solution, scale, unit, k, len(offered))
+        for k, solution in enumerate(offered, start=1)
     )
+
+
+def _offered(solutions: list[PlanarSolution]) -> list[PlanarSolution]:
+    """The solutions that can be told apart; one that stands for both otherwise."""
+    first = solutions[0]
+    if len(solutions) == 1 or first.covariance is None or str(first.case) in ("pure rotation", "unknown"):
+        return [first]
+    if str(first.case) == "general":
+        return solutions
+    there, here = (np.concatenate([one.normal, one.translation, one.rotation]) for one in solutions)
+    apart = there - here
+    return [dataclasses.replace(first, covariance=first.covariance + np.outer(apart, apart) / 2)]
 
 
 def _refined(fit: RegionFit, camera: Camera, solution: PlanarSolution) -> PlanarSolution:
