@@ -1,8 +1,8 @@
 """Weights of the points of a region.
 
 The covariance C_p of a point is itself an estimate, from the residuals under one window. Weights C_p⁻¹ follow its
-noise: they favour points that happen to claim too little, so that the fit is a few percent noisier than it could be and
-claims to be a few percent better than it is. The texture, which the weights are meant to follow, changes
+noise: they favour points that happen to claim too little, so that the fit is about a percent noisier than it could be
+and claims to be a percent or two better than it is. The texture, which the weights are meant to follow, changes
 from window to window only; so they are taken from the mean precision around a point,
 
     P_p = Σ_q c(q − p) C_q⁻¹ / Σ_q c(q − p),     c(d) = exp(−|d|²/4σ²),
