@@ -62,7 +62,7 @@ class Start:
             body = self.body[places]
             own = body > 0 if number is None else body == number
             maps = np.where(own, maps, np.nan)
-        known = np.isfinite(maps).all(axis=0)
+        known: NDArray[np.bool_] = np.asarray(np.isfinite(maps).all(axis=0))
         return Start(fill_failed(maps, grid.step), None, known) if known.any() else None
 
     def succeeded(
