@@ -18,7 +18,6 @@ from sixflow.plot.look import ARROW, FONT, INK, nice_below, require_axes
 from sixflow.plot.missing import fill_missing, mark_failed
 from sixflow.plot.view import Units, View
 
-
 _PLACES = {
     "first": ("tail", ""),
     "middle": ("middle", ", seen half way"),
