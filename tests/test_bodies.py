@@ -98,6 +98,24 @@ def test_errors_at_an_edge_are_at_the_limit(mask):
     assert (ratio < 1 + 2 * REACH / 15 + scatter).all()
 
 
+def test_between_bodies_nothing_is_interpolated():
+    frames, truth, _ = sliding(1)
+    field = measure(*frames, mask=labels(), step=8)
+    dense = field.sixflow.dense()
+    u = dense.u.values[0]
+    known = np.isfinite(u)
+    y = np.broadcast_to(np.arange(SIZE)[:, None], u.shape)
+    inner = np.abs(np.arange(SIZE) - SIZE / 2) < 50
+    np.testing.assert_allclose(
+        u[:, inner][known[:, inner]], truth(y)[..., 0][:, inner][known[:, inner]], atol=5e-3
+    )
+    assert not known[(y > EDGE - 5) & (y < EDGE + 3)].any()
+    assert known[(np.abs(y - EDGE) > 8) & (np.abs(y - EDGE) < 30) & inner].all()
+    between = field.sixflow.sample(SIZE / 2, EDGE - 0.5)
+    assert np.isnan(between.u)
+    assert np.isnan(between.u_standard_error)
+
+
 def test_without_bodies_the_edge_is_blended():
     """What the labels are for: one region over both halves has errors of the size of the motion."""
     frames, truth, _ = sliding(1)

@@ -9,6 +9,8 @@
 | noise | time, y, x | grey | standard deviation of one frame's noise, from the residual |
 | flag | time, y, x | – | CF flag_masks, `FLAGS` |
 | body | time, y, x | – | number of the body in the mask, 0 where masked; where there are several, or moving masks |
+| moved_covariance | as covariance | as covariance | the part from the moved frame's noise; where motions are joined |
+| measured_from | time | – | number of the frame compared with; where motions are joined |
 | frame0, frame1 | time | – | numbers of the reference and the moved frame |
 
 A point whose flag contains one of `FAILING` is NaN in every measured variable. Grid points lie on whole
