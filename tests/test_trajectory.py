@@ -97,7 +97,7 @@ def test_nothing_is_told_far_from_what_was_measured():
 def test_the_accumulated_covariance_is_calibrated(noise):
     """Six frames: neither as five independent steps nor as one, but as the steps' shared frames say."""
     z = {0: [], 2: [], 4: []}
-    for seed in range(3):
+    for seed in range(2):
         made = recording(seed, noise=noise, size=256)
         field = measure_sequence(made.frames, pairs="incremental")
         for k, kept in z.items():
@@ -180,9 +180,9 @@ def test_an_interrupted_run_goes_on_with_the_same_numbers(options):
     frames = recording(six=(3.0, 1.0, 0.02, 0.1, 0.0, 0.0)).frames
     options = {"step": 16, "search": "pyramid"} | options
     whole = list(iterate_sequence(frames, **options))
-    for skip in (1, 3, 4):
+    for skip in (1, 4):
         done = join_fields(whole[:skip])
-        for source in (done, None) if skip == 3 else (done,):
+        for source in (done, None) if skip == 1 else (done,):
             rest = list(iterate_sequence(frames, skip=skip, done=source, **options))
             assert len(rest) == len(whole) - skip
             for one, other in zip(rest, whole[skip:], strict=True):

@@ -54,9 +54,12 @@ class Grid:
         """(x0, y0, step), as the kernels take it."""
         return self.x0, self.y0, self.step
 
-    def within(self, rows: slice, columns: slice) -> tuple[Grid, tuple[slice, slice]] | None:
-        """Return the points inside a part of the frame, as a grid over that part, and where they stand in this one;
-        None if there is none.
+    def within(
+        self, rows: slice, columns: slice, *, origin: tuple[slice, slice]
+    ) -> tuple[Grid, tuple[slice, slice]] | None:
+        """Return the points inside a part of the frame, and where they stand in this grid; None if there is none.
+
+        Their columns and rows count from those of `origin`, another part.
         """
         where = []
         for places, part in ((self.y, rows), (self.x, columns)):
@@ -65,11 +68,8 @@ class Grid:
                 return None
             where.append(slice(int(first), int(last)))
         y, x = where
-        inside = Grid(
-            int(self.x[x.start]) - columns.start, int(self.y[y.start]) - rows.start, self.step,
-            x.stop - x.start, y.stop - y.start,
-        )  # fmt: skip
-        return inside, (y, x)
+        x0, y0 = int(self.x[x.start]) - origin[1].start, int(self.y[y.start]) - origin[0].start
+        return Grid(x0, y0, self.step, x.stop - x.start, y.stop - y.start), (y, x)
 
     def plane(self, values: NDArray[Any]) -> NDArray[Any]:
         """Affine maps at the grid points of one map (u, v, u_x, u_y, v_x, v_y) about pixel (0, 0);

@@ -94,14 +94,10 @@ class Bodies:
         content = labels if len(boxes) > 1 else (labels != 0).astype(np.uint8)
         return cls(labels, array.dtype.kind != "b", clear, boxes, content.tobytes())
 
-    @property
-    def inside(self) -> NDArray[np.uint8]:
-        """Where there is any body."""
-        return (self.labels != 0).astype(np.uint8)
-
-    def partner(self, number: int, named: bool) -> NDArray[np.uint8]:
-        """Where a pixel of body `number` of another frame may be: on the same one, if both frames name theirs."""
-        return (self.labels == number).astype(np.uint8) if named and self.named else self.inside
+    def of_number(self, number: int | None, part: tuple[slice, slice]) -> NDArray[np.uint8]:
+        """Where a body is in a part of the frame; None: any of them."""
+        labels = self.labels[part]
+        return (labels != 0 if number is None else labels == number).astype(np.uint8)
 
 
 def _clear(labels: NDArray[np.int32]) -> NDArray[np.bool_]:

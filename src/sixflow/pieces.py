@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+import math
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +16,14 @@ from sixflow.placing import leaves
 from sixflow.settings import Settings
 from sixflow.validate import fill_failed
 
+Part: TypeAlias = tuple[slice, slice]
+"""Rows and columns."""
+
 LOST_FROM_START = 0.05  # share of the points of a start that may fail, before the motion is searched anew
 
 
-def with_margin(box: tuple[slice, slice], shape: tuple[int, int], window: float) -> tuple[slice, slice]:
-    """Rows and columns around a body: two windows more on every side, or half its longer side."""
-    margin = int(np.ceil(max(2 * window, max(part.stop - part.start for part in box) / 2)))
+def with_margin(box: Part, shape: tuple[int, int], margin: int) -> Part:
+    """Rows and columns of a part of the frame and so many around it."""
     rows, columns = (
         slice(max(0, part.start - margin), min(size, part.stop + margin))
         for part, size in zip(box, shape, strict=True)
@@ -32,6 +35,11 @@ def share_failed(flag: NDArray[np.uint16]) -> float:
     """Share of the points that are not masked and failed."""
     asked = (flag & FLAGS["masked"]) == 0
     return float(((flag & FAILING) != 0)[asked].mean()) if asked.any() else 0.0
+
+
+def room_to_move(box: Part, window: float) -> int:
+    """Pixels around a body that it is looked for in first: two windows, or half its longer side."""
+    return math.ceil(max(2 * window, max(part.stop - part.start for part in box) / 2))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,7 +76,7 @@ class Start:
             body = self.body[places]
             own = body > 0 if number is None else body == number
             maps = np.where(own, maps, np.nan)
-        known = np.asarray(np.isfinite(maps).all(axis=0))
+        known: NDArray[np.bool_] = np.asarray(np.isfinite(maps).all(axis=0))
         return Start(fill_failed(maps, grid.step), None, known) if known.any() else None
 
     def succeeded(

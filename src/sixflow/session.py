@@ -27,7 +27,7 @@ from sixflow.lighting import Change
 from sixflow.masks import Bodies
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
 from sixflow.passes import Workspace
-from sixflow.pieces import Found, Start, share_failed, with_margin
+from sixflow.pieces import Found, Part, Start, room_to_move, share_failed, with_margin
 from sixflow.placing import masked_points, placed
 from sixflow.replace import predictions
 from sixflow.resolution import search_settings
@@ -145,7 +145,7 @@ class Session:
                 f"{name} is constant ({array.flat[0]}): there is no texture to follow; check the frame or its exposure"
             )
         notes = (f"{name}: {missing} pixels without a value (NaN or infinite) are masked",) if missing else ()
-        sample = _sample(image, valid if bodies is None else both_valid(bodies.inside, valid))
+        sample = _sample(image, valid if bodies is None else both_valid((bodies.labels != 0).astype(np.uint8), valid))
         digest = hashlib.sha256(np.ascontiguousarray(array).data).digest()
         mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
         unlit = None
@@ -194,7 +194,7 @@ class Session:
             moved = dataclasses.replace(moved, frame=moved_frame)
         bodies = reference.bodies
         if bodies is None or len(bodies.boxes) < 2:
-            found = self._piece(reference, moved, settings, None, self.everywhere, start)
+            found = self._piece(reference, moved, settings, None, self.everywhere, self.everywhere, start)
         else:
             found = self._apart(reference, moved, settings, start)
         flag = found.flag
@@ -237,37 +237,42 @@ class Session:
         )  # fmt: skip
 
     @property
-    def everywhere(self) -> tuple[slice, slice]:
+    def everywhere(self) -> Part:
         """All rows and columns of the frames."""
         assert self.shape is not None
         return slice(0, self.shape[0]), slice(0, self.shape[1])
 
     def _apart(self, reference: Prepared, moved: Prepared, settings: Settings, start: Start | None) -> Found:
         """Measure every body by itself, in a part of the frames that leaves room for its motion."""
-        assert reference.bodies is not None
-        assert self.shape is not None
+        bodies, shape = reference.bodies, self.shape
+        assert bodies is not None
+        assert shape is not None
         whole = Found.nothing(self.grid.shape)
-        for number, box in reference.bodies.boxes.items():
-            near = with_margin(box, self.shape, self.settings.window)
-            if self._points_of(reference.bodies, number, near):
-                found = self._piece(reference, moved, settings, number, near, start)
-                if near != self.everywhere and share_failed(found.flag) > FAILED:
-                    again = self._piece(reference, moved, settings, number, self.everywhere, start)
-                    if share_failed(again.flag) < share_failed(found.flag):
-                        found, near = again, self.everywhere
-                whole.take(found, number, self._places(near))
+        for number, box in bodies.boxes.items():
+            near = with_margin(box, shape, room_to_move(box, self.settings.window))
+            # off frame 0, its points may be anywhere near
+            points = with_margin(box, shape, self.grid.step) if self.settings.reference == "first" else near
+            if self.grid.within(*points, origin=near) is None or not self._reported(bodies, number):
+                continue
+            found = self._piece(reference, moved, settings, number, near, points, start)
+            if near != self.everywhere and share_failed(found.flag) > FAILED:
+                far = points if self.settings.reference == "first" else self.everywhere
+                again = self._piece(reference, moved, settings, number, self.everywhere, far, start)
+                if share_failed(again.flag) < share_failed(found.flag):
+                    found, points = again, far
+            whole.take(found, number, self._grid_in(points, points)[1])
         return whole
 
-    def _places(self, part: tuple[slice, slice]) -> tuple[slice, slice]:
-        within = self.grid.within(*part)
-        assert within is not None
-        return within[1]
-
-    def _points_of(self, bodies: Bodies, number: int, near: tuple[slice, slice]) -> bool:
+    def _reported(self, bodies: Bodies, number: int) -> bool:
         """Whether any grid point may lie on a body."""
-        if self.settings.reference == "first":
-            return bool((bodies.labels[np.ix_(self.grid.y, self.grid.x)] == number).any())
-        return self.grid.within(*near) is not None
+        if self.settings.reference != "first":
+            return True
+        return bool((bodies.labels[np.ix_(self.grid.y, self.grid.x)] == number).any())
+
+    def _grid_in(self, points: Part, part: Part) -> tuple[Grid, Part]:
+        within = self.grid.within(*points, origin=part)
+        assert within is not None
+        return within
 
     def _piece(
         self,
@@ -275,18 +280,18 @@ class Session:
         moved: Prepared,
         settings: Settings,
         number: int | None,
-        part: tuple[slice, slice],
+        part: Part,
+        points: Part,
         start: Start | None,
     ) -> Found:
-        """Measure one body (None: all that the mask leaves) in a part of the frames."""
-        within = self.grid.within(*part)
-        assert within is not None
-        grid, places = within
-        region, asked, other = (frame.part(part) for frame in self._frames_of(reference, moved, number))
+        """Measure one body (None: all that the mask leaves) in a part of the frames, at the grid points of another."""
+        grid, places = self._grid_in(points, part)
+        region, asked, other = self._frames_of(reference, moved, number, part)
         known = None if start is None else start.of(number, places, grid)
         guess = None if self.guess is None else maps_of_guess(self.guess, self.grid)[(slice(None), *places)]
         light = self._light(reference, moved, number, part, grid)
-        if settings.reference == "second":  # frame 1 is the one that stays: frame 0 is found from it, backwards
+        if settings.reference == "second":
+            # frame 1 is the one that stays: frame 0 is found from it, backwards
             known = None if known is None else known.backwards()
             swapped = settings.replace(reference="first")
             guess = None if guess is None else -placed(guess, grid, 1.0)
@@ -302,48 +307,24 @@ class Session:
             found.window, found.period, flag, None,
         )  # fmt: skip
 
-    def _light(
-        self,
-        reference: Prepared,
-        moved: Prepared,
-        number: int | None,
-        part: tuple[slice, slice],
-        grid: Grid,
-    ) -> RegionLight | None:
-        """What divides out the local light inside a body alone; None where there is no body, or no need."""
-        bodies = reference.bodies
-        if bodies is None or reference.unlit is None or moved.unlit is None:
-            return None
-        inside = bodies.inside if number is None else (bodies.labels == number).astype(np.uint8)
-        there = None
-        if self.masks_move and moved.bodies is not None:
-            there = moved.bodies.inside if number is None else moved.bodies.partner(number, bodies.named)
-            there = there[part]
-        return RegionLight(
-            reference.unlit.part(part), moved.unlit.part(part), inside[part], there, grid, self.settings.sigma,
-            self.settings.reference == "second",
-        )  # fmt: skip
-
     def _frames_of(
-        self, reference: Prepared, moved: Prepared, number: int | None
+        self, reference: Prepared, moved: Prepared, number: int | None, part: Part
     ) -> tuple[Frame, Frame, Frame]:
         """Frame 0 where it counts for a body, frame 0 where that is asked for, and frame 1 where it may be."""
-        region = asked = reference.frame
-        other = moved.frame
+        region = asked = reference.frame.part(part)
+        other = moved.frame.part(part)
         bodies = reference.bodies
         if bodies is not None:
-            own = bodies.inside if number is None else (bodies.labels == number).astype(np.uint8)
-            asked = region.within(both_valid(own, region.valid))
+            asked = region.within(both_valid(bodies.of_number(number, part), region.valid))
             region = asked
             if bodies.clear is not None:
-                region = region.within(both_valid(asked.valid, bodies.clear))
+                region = region.within(both_valid(asked.valid, bodies.clear[part]))
             if number is None and not region.valid.any():
                 raise InputError(
                     "mask is True only where frame 0 has no value (NaN or infinite): nothing is left to measure"
                 )
         if self.masks_move and moved.bodies is not None:
-            named = bodies is not None and bodies.named
-            own = moved.bodies.inside if number is None else moved.bodies.partner(number, named)
+            own = moved.bodies.of_number(self._partner(reference, moved, number), part)
             other = other.within(both_valid(own, other.valid))
             if number is None and not other.valid.any():
                 raise InputError(
@@ -351,6 +332,31 @@ class Session:
                     "nothing is left to measure"
                 )
         return region, asked, other
+
+    @staticmethod
+    def _partner(reference: Prepared, moved: Prepared, number: int | None) -> int | None:
+        """Number of a body in frame 1; None for any, where the numbers are not given in both frames."""
+        named = [frame.bodies is not None and frame.bodies.named for frame in (reference, moved)]
+        return number if all(named) else None
+
+    def _light(
+        self,
+        reference: Prepared,
+        moved: Prepared,
+        number: int | None,
+        part: Part,
+        grid: Grid,
+    ) -> RegionLight | None:
+        """What divides out the local light inside a body alone; None where there is no body, or no need."""
+        bodies = reference.bodies
+        if bodies is None or reference.unlit is None or moved.unlit is None:
+            return None
+        there = None
+        if self.masks_move and moved.bodies is not None:
+            there = moved.bodies.of_number(self._partner(reference, moved, number), part)
+        backwards = self.settings.reference == "second"
+        frames = reference.unlit.part(part), moved.unlit.part(part)
+        return RegionLight(*frames, bodies.of_number(number, part), there, grid, self.settings.sigma, backwards)
 
     def field(
         self,

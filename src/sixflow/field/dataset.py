@@ -10,6 +10,8 @@
 | resolution | time, y, x | px | period of a sine displacement that the point attenuates by 10 % |
 | flag | time, y, x | – | CF flag_masks, `FLAGS` |
 | body | time, y, x | – | number of the body in the mask, 0 where masked; where there are several, or moving masks |
+| moved_covariance | as covariance | as covariance | the part from the moved frame's noise; where motions are joined |
+| measured_from | time | – | number of the frame compared with; where motions are joined |
 | frame0, frame1 | time | – | numbers of the reference and the moved frame |
 
 A point whose flag contains one of `FAILING` is NaN in every measured variable, unless it is `replaced`. Grid points lie on whole

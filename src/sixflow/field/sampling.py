@@ -4,6 +4,9 @@ Every grid point p holds a local affine map d + G (x − p): values of u and v w
 `HermiteSurface` joins them to one smooth field that agrees with every map at its own point. Beyond the
 outermost points the field goes on along straight lines.
 
+Where the field tells several bodies apart (its variable `body`), none is joined to another: places between the
+points of two bodies are NaN.
+
 The covariance of the six is interpolated bilinearly. Neighbours share most of their window, so they err
 together, and averaging them does not reduce the error; this states that, and is a little pessimistic for a
 step as large as the window. Beyond the outermost points it is the covariance of the extended affine map,
@@ -34,12 +37,14 @@ def dense(field: xr.Dataset) -> xr.Dataset:
     count = field.sizes.get("time", 1)
     result = np.empty((len(SIX), count, height, width), dtype=np.result_type(field["u"].dtype, np.float32))
     for time in range(count):
-        surface = _surface(one_pair(field, time))
-        d, d_x, d_y = (
-            surface.on_grid(x, y, along_x=along_x, along_y=along_y)
-            for along_x, along_y in ((False, False), (True, False), (False, True))
-        )
-        result[:, time] = np.moveaxis(_six(d, d_x, d_y), -1, 0)
+        told = []
+        for surface in _surfaces(one_pair(field, time)):
+            d, d_x, d_y = (
+                surface.on_grid(x, y, along_x=along_x, along_y=along_y)
+                for along_x, along_y in ((False, False), (True, False), (False, True))
+            )
+            told.append(_six(d, d_x, d_y))
+        result[:, time] = np.moveaxis(_known(told), -1, 0)
     dims: tuple[str, ...] = ("time", "y", "x")
     if "time" not in field.dims:
         dims, result = dims[1:], result[:, 0]
@@ -58,14 +63,14 @@ def sample(field: xr.Dataset, x: ArrayLike, y: ArrayLike, time: int = 0) -> xr.D
     pair = one_pair(field, time)
     shape = x.shape
     x, y = x.ravel(), y.ravel()
-    surface = _surface(pair)
-    six = _six(surface.at(x, y), surface.at(x, y, along_x=True), surface.at(x, y, along_y=True))
+    surfaces = _surfaces(pair)
+    six = _known([_six(s.at(x, y), s.at(x, y, along_x=True), s.at(x, y, along_y=True)) for s in surfaces])
     dims = ("point",) if shape else ()
     variables: dict[str, Any] = {
         name: (dims, six[:, k].reshape(shape), pair[name].attrs) for k, name in enumerate(SIX)
     }
     if "covariance" in pair:
-        variance = np.diagonal(_covariance(pair, surface, x, y), axis1=-2, axis2=-1)
+        variance = np.diagonal(_covariance(pair, surfaces[0], x, y), axis1=-2, axis2=-1)
         error = np.where(np.isfinite(six), np.sqrt(variance), np.nan)
         for k, name in enumerate(SIX):
             attributes = {
@@ -80,8 +85,27 @@ def sample(field: xr.Dataset, x: ArrayLike, y: ArrayLike, time: int = 0) -> xr.D
     )
 
 
-def _surface(pair: xr.Dataset) -> HermiteSurface:
+def _surfaces(pair: xr.Dataset) -> list[HermiteSurface]:
+    """One surface for each body; one in all where the field tells no bodies apart."""
     six = np.stack([pair[name].values for name in SIX], axis=-1)
+    if "body" not in pair:
+        return [_surface(pair, six)]
+    body = pair["body"].values
+    numbers = np.unique(body[body != 0])
+    return [_surface(pair, np.where((body == k)[..., None], six, np.nan)) for k in numbers] or [
+        _surface(pair, six)
+    ]
+
+
+def _known(told: list[Array]) -> Array:
+    """What one of several interpolants tells of a place, shape (..., 6); NaN where none does."""
+    known = told[0]
+    for other in told[1:]:
+        known = np.where(np.isnan(known).any(axis=-1, keepdims=True), other, known)
+    return known
+
+
+def _surface(pair: xr.Dataset, six: Array) -> HermiteSurface:
     G = np.moveaxis(gradient(six), (-2, -1), (0, 1))
     return HermiteSurface(
         pair["x"].values.astype(float),

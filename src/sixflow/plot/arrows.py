@@ -18,6 +18,13 @@ from sixflow.plot.look import ARROW, FONT, INK, nice_below, require_axes
 from sixflow.plot.missing import fill_missing, mark_failed
 from sixflow.plot.view import Units, View
 
+_PLACES = {
+    "first": ("tail", ""),
+    "middle": ("middle", ", seen half way"),
+    "second": ("tip", ", seen in frame 1"),
+}
+"""Where an arrow lies on its point, and how the title says it, by the frame that the points lie in."""
+
 
 def plot_arrows(
     field: xr.Dataset,
@@ -75,7 +82,7 @@ def draw_arrows(ax: Axes, view: View, frame: ArrayLike | None, *, arrows: int = 
     typical = float(np.quantile(length, 0.95)) if length.size else 0.0
     scale = typical / (1.1 * spacing) if typical > 0 else 1.0
     # Where y grows downwards, angles="xy" lets a positive v point down, as it shall.
-    pivot = {"first": "tail", "middle": "middle", "second": "tip"}[reference_of(view.pair)]
+    pivot, where = _PLACES[reference_of(view.pair)]
     style: dict[str, Any] = {
         "scale_units": "xy", "scale": scale, "units": "inches", "width": 0.0095, "color": ARROW,
         "headwidth": 3.6, "headlength": 4.2, "headaxislength": 3.8, "minlength": 0.6, "zorder": 4,
@@ -83,7 +90,7 @@ def draw_arrows(ax: Axes, view: View, frame: ArrayLike | None, *, arrows: int = 
     quiver = ax.quiver(
         x[shown], y[shown], u.values[shown], v.values[shown], angles="xy", pivot=pivot, **style
     )
-    view.dress(ax, "velocity" if view.calibration else "displacement")
+    view.dress(ax, ("velocity" if view.calibration else "displacement") + where)
     if typical > 0:
         _draw_reference(ax, view, nice_below(typical), u.unit, style)
     return quiver
