@@ -322,7 +322,7 @@ def gradient_outliers(maps: NDArray[Any], variances: Array, step: int, period: f
     for k, direction in ((2, (1, 0)), (3, (0, 1)), (4, (1, 0)), (5, (0, 1))):
         parts = maps[k], variances[k], maps[k // 2 - 1]
         over_strips(
-            lambda a, b, parts=parts, along=direction: _gradient_strip(  # type: ignore[misc]
+            lambda a, b, parts=parts, along=direction: _gradient_strip(  # type: ignore[misc,call-arg]
                 *parts, along, reach, step, a, b, found
             ),
             maps.shape[1],

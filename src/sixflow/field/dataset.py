@@ -10,8 +10,8 @@
 | flag | time, y, x | – | CF flag_masks, `FLAGS` |
 | frame0, frame1 | time | – | numbers of the reference and the moved frame |
 
-A point whose flag contains one of `FAILING` is NaN in every measured variable, unless it is `replaced`. Grid points lie on whole
-pixels.
+A point whose flag contains one of `FAILING` is NaN in every measured variable, unless it is `replaced`. Grid points
+lie on whole pixels.
 """
 
 from __future__ import annotations
