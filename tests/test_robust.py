@@ -139,15 +139,23 @@ def exposed(pattern, *, seed=1, noise=2.0, **sensor):
 def test_dead_pixels_are_found_and_no_others():
     for pattern in (Speckle(seed=4), Particles(diameter=3, seed=4), Particles(diameter=2.4, seed=5)):
         clean, dead = exposed(pattern), exposed(pattern, dead=0.02)
-        assert defects(clean.frame0, clean.frame1).size == 0
+        assert defects(clean.frame0, clean.frame1).shape[1] < 1e-4 * clean.frame0.size
         # where nothing moves, one in a hundred peaks of small particles
         assert defects(clean.frame0, clean.frame0 + 1).shape[1] < 0.01 * 0.04 * clean.frame0.size
-        assert without_defects(*(Frame(f, NO_MASK) for f in (clean.frame0, clean.frame1)))[2] == 0
         is_dead, found = dead.frame0 != clean.frame0, np.zeros(SHAPE, bool)
         found[tuple(defects(dead.frame0, dead.frame1))] = True
         disturbing = (np.abs(dead.frame0 - clean.frame0) > 100) & is_dead
         assert found[disturbing].mean() > 0.4
         assert (found & ~is_dead).sum() <= 0.01 * is_dead.sum()
+
+
+def test_frames_without_defects_stay_what_they_are():
+    made = exposed(Speckle(seed=4))
+    frames = [Frame(f, NO_MASK) for f in (made.frame0, made.frame1)]
+    first, second, count = without_defects(*frames)
+    assert count == 0
+    assert first is frames[0]
+    assert second is frames[1]
 
 
 def test_repair_is_exact_for_cubics():
