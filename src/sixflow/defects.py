@@ -8,8 +8,8 @@ itself, in both frames at the same place, by the same sign, is of the sensor. Wi
 
 a pixel is defective where, in both frames, |B| > 4 q with q the 90 % quantile of |B|, |B| exceeds half the standard
 deviation of the frame, and |B| > 0.8 |A|. The image of a particle of e⁻² diameter d has B = (1 − exp(−8/d²))A at its
-peak: those of 2.4 px and more are hardly taken for defects even where they stand still (one peak in a hundred, of
-which nothing but its top is lost).
+peak: where the pattern moves hardly any is taken for a defect, where it stands still, 1 peak in 100 of 3 px and 4 in
+100 of 2.4 px, of which nothing but the top is lost.
 
 The value of a defective pixel is the biharmonic one, 20 p = 8 Σ(next) − 2 Σ(diagonal) − Σ(next but one), exact for
 cubic images; it would otherwise spread over the ten pixels around it when the frame is interpolated. What the
