@@ -44,6 +44,33 @@ def sharpening() -> None:
     figure.savefig(IMAGES / "sharpening.png", dpi=150)
 
 
+def foreign_pixels() -> None:
+    """A pair with unmatched particles, dead pixels and glare: errors without and with weights."""
+    from sixflow import measure, synth
+
+    side = 320
+    motion = synth.Affine.from_six((2.0, -1.5, 0.008, 0.012, 0.006, -0.005), centre=(side / 2, side / 2))
+    sensor = synth.Sensor(noise=2.0, dead=0.02, glare=2.0, seed=3)
+    pattern = synth.Particles(diameter=4, unmatched=0.2, seed=3)
+    made = synth.pair(pattern, motion, (side, side), sensor=sensor)
+    figure = Figure(figsize=(7.6, 2.7), layout="constrained")
+    axes = figure.subplots(1, 3)
+    axes[0].imshow(made.frame0[60:220, 60:220], cmap="gray", vmin=0, vmax=255, extent=(60, 220, 220, 60))
+    axes[0].set_title("frame 0, a part", fontsize=9)
+    for robust, at in zip((False, True), axes[1:], strict=True):
+        field = measure(made.frame0, made.frame1, robust=robust)
+        x, y = np.meshgrid(field.x.values.astype(float), field.y.values.astype(float))
+        error = np.hypot(*(np.moveaxis(made.truth(x, y)[..., :2], -1, 0) - [field.u[0], field.v[0]]))
+        shown = at.pcolormesh(field.x, field.y, error, cmap="viridis", vmin=0, vmax=0.2)
+        at.set(aspect="equal", ylim=(side, 0), xlim=(0, side))
+        at.set_title(f"robust={robust}: error {np.nanmedian(error):.3f} px", fontsize=9)
+    for at in axes:
+        at.tick_params(labelsize=7)
+        at.set_xlabel("px", fontsize=8)
+    figure.colorbar(shown, ax=axes[1:], label="px", shrink=0.85, extend="max")
+    figure.savefig(IMAGES / "robust.png", dpi=150)
+
+
 def group_trajectories() -> None:
     """The eight one-parameter groups of the plane's projective motions."""
     draw_trajectories(PROJECTIVE).savefig(IMAGES / "groups-trajectories.png", dpi=150)
@@ -377,6 +404,7 @@ def example_disc() -> None:
 if __name__ == "__main__":
     IMAGES.mkdir(exist_ok=True)
     sharpening()
+    foreign_pixels()
     operators()
     group_trajectories()
     scenes_calibration()

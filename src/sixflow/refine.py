@@ -52,10 +52,9 @@ def refine(passes: Passes, start: NDArray[Any], *, sharpened: bool = False) -> t
         passes.distrust()
     done = 0
     while not sharpened and done < settings.passes * (WEIGHED_PASSES if passes.robust else 1):
-        dense = passes.dense(maps)
+        filled = maps
         if done or passes.robust:
-            dense = settle(dense, step, settings.window, curved=passes.robust)
-        filled = dense if done or passes.robust else maps
+            filled = settle(passes.dense(maps), step, settings.window, curved=passes.robust)
         maps = passes.solve(filled)
         done += 1
         update = np.hypot(maps[0] - filled[0], maps[1] - filled[1])

@@ -14,8 +14,8 @@
 | measured_from | time | – | number of the frame compared with; where motions are joined |
 | frame0, frame1 | time | – | numbers of the reference and the moved frame |
 
-A point whose flag contains one of `FAILING` is NaN in every measured variable, unless it is `replaced`. Grid points lie on whole
-pixels.
+A point whose flag contains one of `FAILING` is NaN in every measured variable, unless it is `replaced`. Grid points
+lie on whole pixels.
 """
 
 from __future__ import annotations

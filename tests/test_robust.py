@@ -1,0 +1,239 @@
+"""Foreign pixels: their weights, dead pixels, and what a measurement makes of them."""
+
+import numpy as np
+import pytest
+
+import measured
+from sixflow import InputError, Settings, measure
+from sixflow.defects import defects, repaired, without_defects
+from sixflow.engine.weigh import (
+    FULL,
+    NEGLIGIBLE,
+    NONE,
+    NORMAL,
+    REACH,
+    TILE,
+    weigh,
+    weighing_noise,
+    weight_slope,
+)
+from sixflow.normalise import NO_MASK, Frame
+from sixflow.synth import CellularVortices, Particles, Sensor, Speckle, pair
+
+SHAPE = (192, 192)
+SIX = (1.5, -1.2, 0.006, 0.008, 0.004, -0.003)
+
+
+def images(shape=(70, 90), seed=0):
+    """Residual, gradients and right-hand side with some pixels that do not belong."""
+    rng = np.random.default_rng(seed)
+    residual, gx, gy, right = rng.normal(size=(4, *shape)).astype(np.float32)
+    gx, gy = 10 * gx, 10 * gy
+    residual += 0.05 * gx
+    residual[20:24, 30:33] += 12
+    residual[50, 10] -= 4.4
+    residual[60:, 80:] = np.nan
+    return residual, gx, gy, right
+
+
+def naive_weight(residual, gx, gy, floor):
+    """ω from the formulas, with SciPy's interpolation between the tiles."""
+    height, width = residual.shape
+    tiles = -(-height // TILE), -(-width // TILE)
+    scales = np.full((2, *tiles), np.nan)
+    for j, i in np.ndindex(*tiles):
+        box = np.s_[j * TILE : (j + 1) * TILE, i * TILE : (i + 1) * TILE]
+        known = np.isfinite(residual[box])
+        if 4 * known.sum() < TILE**2:
+            continue
+        r, power = (
+            np.abs(residual[box][known]).astype(float),
+            (gx[box] ** 2 + gy[box] ** 2)[known].astype(float),
+        )
+        noise = NORMAL * np.sort(r)[len(r) // 2]
+        steep = power > power.mean() / 2
+        ratio = np.sort(r[steep] / np.sqrt(power[steep]))
+        misfit = (NORMAL * ratio[len(ratio) // 2]) ** 2 - noise**2 * (1 / power[steep]).mean()
+        scales[:, j, i] = noise, np.sqrt(max(misfit, 0))
+    usual = np.empty_like(scales)
+    for j, i in np.ndindex(*tiles):
+        around = scales[:, max(0, j - REACH) : j + REACH + 1, max(0, i - REACH) : i + REACH + 1]
+        usual[:, j, i] = np.maximum(np.nanmedian(around, axis=(1, 2)), (floor, 0.02))
+    y = np.clip((np.arange(height) + 0.5) / TILE - 0.5, 0, tiles[0] - 1)
+    x = np.clip((np.arange(width) + 0.5) / TILE - 0.5, 0, tiles[1] - 1)
+    down = np.stack([np.interp(y, np.arange(tiles[0]), column) for column in usual[0].T], axis=1)
+    noise = np.stack([np.interp(x, np.arange(tiles[1]), row) for row in down])
+    down = np.stack([np.interp(y, np.arange(tiles[0]), column) for column in usual[1].T], axis=1)
+    misfit = np.stack([np.interp(x, np.arange(tiles[1]), row) for row in down])
+    with np.errstate(invalid="ignore"):
+        t2 = residual.astype(float) ** 2 / (
+            noise**2 + misfit**2 * (gx.astype(float) ** 2 + gy.astype(float) ** 2)
+        )
+    own = np.clip((NONE**2 - np.nan_to_num(t2)) / (NONE**2 - FULL**2), 0, 1)
+    padded = np.pad(own, 1, mode="edge")
+    return np.min([padded[j : j + height, i : i + width] for j in range(3) for i in range(3)], axis=0)
+
+
+def test_weights_are_those_of_the_formulas():
+    residual, gx, gy, right = images()
+    expected = naive_weight(residual, gx, gy, 1e-3)
+    before = [part.copy() for part in (residual, gx, gy, right)]
+    raw, weight = np.empty((2, *residual.shape), np.float32)
+    weigh(residual, gx, gy, right, raw, weight, 1e-3)
+    np.testing.assert_allclose(weight, expected, atol=2e-4)
+    assert 0 < (weight == 0).mean() < 0.05
+    assert ((weight > 0) & (weight < 1)).any()
+    kept = weight >= NEGLIGIBLE
+    for after, given in zip((residual, gx, gy, right), before, strict=True):
+        np.testing.assert_allclose(after[kept], (np.sqrt(weight) * given)[kept], rtol=1e-5)
+    assert np.isnan(residual[~kept]).all()
+    assert not np.any([gx[~kept], gy[~kept], right[~kept]])
+
+
+def test_gaussian_noise_keeps_its_weight():
+    """Of Gaussian residuals 9 · 4.7e-4 of the pixels are touched."""
+    rng = np.random.default_rng(1)
+    residual, gx, gy, right = rng.normal(size=(4, 256, 256)).astype(np.float32)
+    raw, weight = np.empty((2, 256, 256), np.float32)
+    weigh(residual, gx, gy, right, raw, weight, 1e-3)
+    assert 1 - weight.mean() < 0.005
+
+
+def test_an_unresolved_motion_is_not_foreign():
+    """Residuals that grow with the gradient are what a motion leaves that windows do not resolve."""
+    rng = np.random.default_rng(2)
+    gx, gy = 20 * rng.normal(size=(2, 256, 256)).astype(np.float32)
+    wave = 0.5 * np.sin(np.arange(256) / 20).astype(np.float32)
+    residual = (wave * gx + rng.normal(size=(256, 256))).astype(np.float32)
+    raw, weight = np.empty((2, 256, 256), np.float32)
+    weigh(residual, gx, gy, np.zeros_like(gx), raw, weight, 1e-3)
+    assert 1 - weight.mean() < 0.01
+
+
+def test_covariance_of_the_weighted_mean():
+    """The factor of the M-estimate, on the mean of a contaminated normal sample."""
+    rng = np.random.default_rng(3)
+    n, tries = 400, 2000
+    sample = rng.normal(size=(tries, n))
+    sample[:, : n // 5] = rng.uniform(-10, 10, (tries, n // 5))
+    mean = np.median(sample, axis=1)
+
+    def weights(mean):
+        t2 = (sample - mean[:, None]) ** 2
+        return np.clip((NONE**2 - t2) / (NONE**2 - FULL**2), 0, 1)
+
+    for _ in range(20):
+        w = weights(mean)
+        mean = (w * sample).sum(axis=1) / w.sum(axis=1)
+    w = weights(mean)
+    sandwich = ((w * (sample - mean[:, None])) ** 2).sum(axis=1) / w.sum(axis=1) ** 2
+    factor = weighing_noise(w.mean(axis=1), weight_slope(w, w).mean(axis=1))[:, 0, 0]
+    assert mean.var() / sandwich.mean() > 1.15
+    assert mean.var() / (factor * sandwich).mean() == pytest.approx(1, abs=4 * np.sqrt(2 / tries))
+
+
+def exposed(pattern, *, seed=1, noise=2.0, **sensor):
+    return pair(pattern, measured.affine(SIX, SHAPE), SHAPE, sensor=Sensor(noise=noise, seed=seed, **sensor))
+
+
+def test_dead_pixels_are_found_and_no_others():
+    for pattern in (Speckle(seed=4), Particles(diameter=3, seed=4), Particles(diameter=2.4, seed=5)):
+        clean, dead = exposed(pattern), exposed(pattern, dead=0.02)
+        assert defects(clean.frame0, clean.frame1).shape[1] < 1e-4 * clean.frame0.size
+        # where nothing moves, a few of a hundred peaks of the smallest particles
+        assert defects(clean.frame0, clean.frame0 + 1).shape[1] < 0.05 * 0.04 * clean.frame0.size
+        is_dead, found = dead.frame0 != clean.frame0, np.zeros(SHAPE, bool)
+        found[tuple(defects(dead.frame0, dead.frame1))] = True
+        disturbing = (np.abs(dead.frame0 - clean.frame0) > 100) & is_dead
+        assert found[disturbing].mean() > 0.4
+        assert (found & ~is_dead).sum() <= 0.01 * is_dead.sum()
+
+
+def test_frames_without_defects_stay_what_they_are():
+    made = exposed(Speckle(seed=4))
+    frames = [Frame(f, NO_MASK) for f in (made.frame0, made.frame1)]
+    first, second, count = without_defects(*frames)
+    assert count == 0
+    assert first is frames[0]
+    assert second is frames[1]
+
+
+def test_repair_is_exact_for_cubics():
+    y, x = np.mgrid[:30, :40] / 10.0
+    image = 1 + x - 2 * y + x**3 - x * y**2 + 0.5 * y**3
+    at = np.array([[5, 12, 20], [7, 30, 15]])
+    spoilt = image.copy()
+    spoilt[tuple(at)] = 99
+    np.testing.assert_allclose(repaired(spoilt, at), image, atol=1e-10)
+    assert spoilt[5, 7] == 99
+
+
+CASES = {
+    "unmatched particles": (Particles(diameter=4, unmatched=0.2, seed=1), {}),
+    "dead pixels": (Particles(diameter=4, seed=1), {"dead": 0.05}),
+    "dead pixels on speckle": (Speckle(seed=1), {"dead": 0.05}),
+    "glare": (Speckle(seed=1), {"glare": 2.0}),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_foreign_pixels_do_little_harm(case):
+    pattern, sensor = CASES[case]
+    made = exposed(pattern, **sensor)
+    robust, plain = (measure(made.frame0, made.frame1, robust=on) for on in (True, False))
+    error, other = (np.abs(measured.errors(f, made)) for f in (robust, plain))
+    inside = measured.depth(robust) >= 16
+    known = inside & ~measured.failed(robust)
+    assert known[inside].mean() > 0.97
+    assert measured.rms(error[known])[0] < 0.3 * measured.rms(other[inside & ~measured.failed(plain)])[0]
+    z = (error / measured.standard_errors(robust))[known]
+    assert (z[:, :2] > 5).any(axis=1).mean() < 0.01
+    assert 0.7 < measured.rms(z[:, :2]).mean() < 1.35  # some 36 independent windows
+
+
+def test_nothing_changes_where_nothing_is_foreign():
+    made = exposed(Speckle(seed=2))
+    robust, plain = (measure(made.frame0, made.frame1, robust=on) for on in (True, False))
+    np.testing.assert_array_equal(robust.u, plain.u)
+    np.testing.assert_array_equal(robust.flag, plain.flag)
+
+
+def test_vortices_are_answered_as_without_weights():
+    """A motion that is not resolved, on particles with shot noise: the response stays the window's."""
+    made = pair(
+        Particles(diameter=4, seed=3), CellularVortices(amplitude=2, period=150), SHAPE,
+        sensor=Sensor(noise=1, electrons=2, seed=3),
+    )  # fmt: skip
+    robust, plain = (measure(made.frame0, made.frame1, robust=on) for on in (True, False))
+    known = ~measured.failed(robust) & ~measured.failed(plain)
+    x, y = np.meshgrid(robust.x, robust.y)
+    truth = made.truth(x, y)[..., 0]
+    answers = [(f.u.values[0] * truth)[known].sum() / (truth**2)[known].sum() for f in (robust, plain)]
+    assert answers[0] == pytest.approx(answers[1], abs=0.01)
+
+
+def test_sharpening_and_light_with_foreign_pixels():
+    made = exposed(Particles(diameter=4, unmatched=0.15, seed=6), dead=0.01)
+    frame1 = 1.3 * made.frame1 + 10
+    field = measure(made.frame0, frame1, lighting="gain+offset", sharpen=1)
+    inside = (measured.depth(field) >= 20) & ~measured.failed(field)
+    assert inside.sum() > 200
+    assert measured.rms(measured.errors(field, made)[inside])[0] < 0.05
+
+
+def test_dead_pixels_are_noted_and_replaced_for_eigenfilters():
+    made = exposed(Speckle(seed=5), dead=0.01)
+    robust, plain = (
+        measure(made.frame0, made.frame1, method="eigenfilter", step=16, robust=on) for on in (True, False)
+    )
+    assert "dead or hot pixels were replaced" in robust.attrs["notes"]
+    inside = (measured.depth(robust) >= 20) & ~measured.failed(robust)
+    assert inside.sum() > 50
+    assert measured.rms(measured.errors(robust, made)[inside])[0] < 0.05
+    assert not plain.attrs["notes"]
+
+
+@pytest.mark.parametrize("name", ["robust", "forward_backward", "replace_failed"])
+def test_switches_are_true_or_false(name):
+    with pytest.raises(InputError, match=f"{name}=1: must be True or False"):
+        Settings(**{name: 1})
