@@ -59,7 +59,7 @@ def test_a_field_of_another_grid_with_gaps():
 def test_a_guess_replaces_the_search(kind):
     found = made()
     guess = {
-        "six": MOTION.six(0.0, 0.0) + [1, -1, 0.01, 0, 0, 0.01],
+        "six": np.add(MOTION.six(0.0, 0.0), [1, -1, 0.01, 0, 0, 0.01]),
         "matrix": convention.affine_from_six(MOTION.six(0.0, 0.0)),
         "function": MOTION.displacement,
         "field": measure(found.frame0, found.frame1, step=16),
@@ -74,7 +74,7 @@ def test_a_guess_replaces_the_search(kind):
 
 def test_a_guess_that_is_some_pixels_off_is_corrected_from_coarse_to_fine():
     found = made()
-    field = measure(found.frame0, found.frame1, search=MOTION.six(0.0, 0.0) + [8, 6, 0, 0, 0, 0])
+    field = measure(found.frame0, found.frame1, search=np.add(MOTION.six(0.0, 0.0), [8, 6, 0, 0, 0, 0]))
     right = np.abs(measured.errors(field, found)[..., 0]) < 0.3
     assert right.sum() > 0.5 * right.size
 
