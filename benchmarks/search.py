@@ -235,7 +235,7 @@ def main() -> None:
     count = 20 if arguments.quick else arguments.motions
     console.print(f"sixflow {sixflow.__version__}\n")
     ours(make("speckle", 0))  # compiled and loaded
-    seconds_of_search(5)
+    seconds_of_search(2 if arguments.quick else 5)
     capture(count, peers())
 
 

@@ -405,7 +405,7 @@ class Passes:
             grid.rows,
             GRID_STRIP,
         )
-        sandwich *= np.nan_to_num(seen.left, nan=1.0)[..., None].astype(dtype)
+        sandwich *= (np.nan_to_num(seen.left, nan=1.0) * shrunk_noise(self._last))[..., None].astype(dtype)
         if self.settings.group != "affine":
             clean = self._normal_equations()[0] - seen.noise_gradient[..., None, None] * np.eye(6)
             return self._within(clean, normal_matrices(sandwich), seen, transform)
@@ -494,6 +494,17 @@ class Seen:
     texture: NDArray[Any]
     rho: NDArray[Any]
     tail: NDArray[Any] | None = None
+
+
+def shrunk_noise(maps: NDArray[Any]) -> NDArray[np.float64]:
+    """Factor on the power of the residual's noise where the moved frame is smaller; shape (rows, columns).
+
+    On the pixels of the reference, the moved frame's noise is as white as its own for det F ≥ 1. For det F < 1 it is
+    interpolated between pixels further apart: as strong, but of 1/det F the power at the frequencies that are left.
+    """
+    area = (1 + maps[2]) * (1 + maps[5]) - maps[3] * maps[4]
+    with np.errstate(divide="ignore"):
+        return (1 + np.nan_to_num(np.clip(1 / np.abs(area), 1, 16), nan=1.0)) / 2
 
 
 def feedback_scale(rho: NDArray[Any]) -> NDArray[np.float64]:

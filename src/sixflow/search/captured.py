@@ -1,8 +1,8 @@
 """Captured: one affine map from the maps that single points find by themselves.
 
 Where the spectra tell nothing, the map about a few points near the middle is captured at one scale
-(`sixflow.eigenfilters.capture`), and what most of these maps agree upon, one affine map, is a start for all. The frames
-are halved, once or twice, where that is not found at full size.
+(`sixflow.eigenfilters.capture`), and what most of these maps agree upon, one affine map, is a start for all. Where that
+is not found at full size the frames are halved.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sixflow.convention.six import GRADIENT_FROM_SIX
 from sixflow.normalise import Frame
 
-_LEVELS = 3
+_LEVELS = 2
 _SLACK = 2.0, 0.05  # px, and share of the distance, that agreeing maps may differ by
 
 

@@ -102,7 +102,7 @@ class Scene:
     def staying(self, found: Judged) -> NDArray[np.bool_]:
         """Points that failed, are not masked, and stay in frame 1; shape (rows, columns)."""
         failed = found.failed & ((found.flag & FLAGS["masked"]) == 0)
-        if not failed.any():
+        if not failed.any() or failed.mean() > 1 - 2 * LEAST_FOUND:  # too little is known to say what leaves
             return failed
         height, width = self.moved.image.shape
         half = self.window / 2

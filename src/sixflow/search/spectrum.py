@@ -38,6 +38,7 @@ _PARTS = ((1.0, 1.0), (0.5, 1.0), (1.0, 0.5))
 _SUMMITS = 4
 _APART = math.radians(3)
 _LEAST_SIDE = 32
+_LEAST_RATIO = 0.01  # of the moments along the axes of the texture
 
 
 class Linear(NamedTuple):
@@ -137,9 +138,9 @@ def _inner(image: NDArray[Any], share: float) -> NDArray[Any]:
 
 
 def _root(moments: Real) -> Real | None:
-    """M^½ of a positive definite matrix, else None."""
+    """M^½; None of a texture that leads in one direction only."""
     values, vectors = np.linalg.eigh(moments)
-    if not values[0] > 1e-6:
+    if not values[0] > max(1e-6, _LEAST_RATIO * values[1]):
         return None
     result: Real = vectors * np.sqrt(values) @ vectors.T
     return result

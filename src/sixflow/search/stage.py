@@ -10,9 +10,9 @@
 | "auto", while … of the points are missed | what is tried |
 |---|---|
 | more than `MISSED` | growth |
-| more than `MOSTLY_LOST` | one affine map of the whole frames, coarse to fine from it, and growth |
-| more than `LOST` | for a few regions, the largest first: one affine map, and growth, each region by itself |
-| still more than `MOSTLY_LOST` | the map captured about the middle, coarse to fine from it, and growth |
+| more than `LOST` | one affine map of the whole frames, coarse to fine from it, and growth |
+| still more than `LOST` | for a few regions, the largest first: one affine map, and growth, each region by itself |
+| more than `MOSTLY_LOST` | the map captured about the middle, coarse to fine from it, and growth |
 
 Of two fields, that with fewer missed points is kept. Nothing is tried where nothing was missed: small motion costs the
 pyramid, and no more.
@@ -100,7 +100,7 @@ class _Search:
         if self.share(found) <= MISSED:
             return found
         found = grown(found, self.scene)
-        if self.share(found) > MOSTLY_LOST:
+        if self.share(found) > LOST:
             plane = find_plane(self.scene.reference, self.scene.moved, self.scene.window)
             if plane is not None:
                 found = self.better(found, grown(self.from_plane(plane.six), self.scene))
