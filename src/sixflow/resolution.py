@@ -54,6 +54,8 @@ LADDER = (8, 11, 16, 22, 31, 44, 62)
 """px"""
 SEARCHED = 31
 SHARPEN = 2
+SPREAD = 0.5
+"""Standard deviation of K, in periods of the coarser window."""
 ALLOWED = 2.0
 """z: standard deviations that the mean square of noise may exceed its expectation by."""
 
@@ -127,7 +129,7 @@ def difference_noise(ratio: float, sharpen: int) -> tuple[float, float]:
     >>> difference_noise(1.0, 2)
     (0.0, 0.0)
     >>> [round(part, 2) for part in difference_noise(2**0.5, 2)]
-    [0.47, 0.71]
+    [0.29, 0.5]
     """
     x = np.linspace(0, 40, 40001)
     fine, coarse = response(np.exp(-x), sharpen), response(np.exp(-x * ratio**2), sharpen)
@@ -153,7 +155,7 @@ def risks(levels: list[Level], grid: Grid) -> Array:
     for kind, place in enumerate((slice(0, 2), slice(2, 6))):
         count = place.stop - place.start
         for j, coarse in enumerate(levels):
-            reach = coarse.period / 2 / grid.step
+            reach = SPREAD * coarse.period / grid.step
             bias = np.zeros(grid.shape)
             for i, fine in enumerate(levels[:j]):
                 both = fine.usable & coarse.usable
@@ -162,7 +164,7 @@ def risks(levels: list[Level], grid: Grid) -> Array:
                     coarse.settings.window / fine.settings.window, fine.settings.sharpen
                 )[kind]
                 noise = _mean(share * variances[i][kind], both, reach)
-                independent = count * (math.pi * coarse.period / fine.period) ** 2
+                independent = count * (2 * math.pi * SPREAD * coarse.period / fine.period) ** 2
                 excess = _mean(seen, both, reach) - (1 + ALLOWED * math.sqrt(2 / independent)) * noise
                 bias = np.fmax(bias, excess)
             product[j] *= _mean(variances[j][kind], coarse.usable, reach) + bias

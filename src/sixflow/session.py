@@ -206,7 +206,9 @@ class Session:
             level.period * everywhere,
         )
 
-    def _level(self, region: Frame, moved: Frame, start: NDArray[Any], settings: Settings, *, sharpened: bool = False) -> Level:
+    def _level(
+        self, region: Frame, moved: Frame, start: NDArray[Any], settings: Settings, *, sharpened: bool = False
+    ) -> Level:
         """Refine a start with one window and judge it."""
         passes = passes_of(settings)(region, moved, self.grid, settings, self.workspace)
         maps, quality, left = refine(passes, start, sharpened=sharpened)
