@@ -3,7 +3,7 @@
 The spread of (found − true)/predicted must be 1, over complete points where the window resolves the truth. It does
 not see
 
-    t = (1 − M)^(n+1) d_true,   M = Gaussian mean of the window's σ, n = sharpen,
+    t = (1 − T) d_true,   T(M) of `engine.response`, M = Gaussian mean of the window's σ, n = sharpen,
 
 of the truth. A displacement counts as resolved if |t| is below 0.3 of its standard error for both components and
 everywhere in the window; a gradient if the same holds for t's derivatives.
@@ -16,6 +16,7 @@ everywhere in the window; a gradient if the same holds for t's derivatives.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from scipy import ndimage
 from public_cases.case import Case
 from public_cases.scores import Comparison
 from sixflow.convention import SIX_FROM_GRADIENT
+from sixflow.engine.response import quotient
 
 RESOLVED = 0.3  # of a standard error
 FEWEST = 100  # points, for a spread
@@ -36,10 +38,14 @@ def unresolved(case: Case, sigma: float, sharpen: int, x: Array, y: Array) -> Ar
     """Most that a window leaves of the true six around the points of a grid; shape (6, rows, columns)."""
     planes = []
     for plane in (case.truth.u, case.truth.v):
-        left = plane
-        for _ in range(sharpen + 1):
-            left = left - ndimage.gaussian_filter(left, sigma, truncate=3.5)
-        planes.append(left)
+        smooth = partial(ndimage.gaussian_filter, sigma=sigma, truncate=3.5)
+        before, here = plane, plane
+        seen = quotient(sharpen)[0] * plane
+        for k, coefficient in enumerate(quotient(sharpen)[1:]):
+            after = 2 * smooth(here) - here
+            before, here = here, after if k == 0 else 2 * after - before
+            seen = seen + coefficient * here
+        planes.append(plane - smooth(seen))
     maps = np.stack([*planes, *(np.gradient(plane, axis=axis) for plane in planes for axis in (1, 0))])
     six = np.abs(np.tensordot(SIX_FROM_GRADIENT, maps, axes=1))
     side = 2 * round(1.5 * sigma) + 1

@@ -8,8 +8,8 @@
 | by experiment | `BY_EXPERIMENT`, chosen by what was recorded, not by what came out |
 
 No setting depends on the case. A setting by experiment follows the custom of its field: particle images are
-compared in windows of 16 px, speckles with a criterion that allows for a change of light, scenes of a camera in
-small windows, because many things move in them.
+measured with windows chosen by themselves, speckles with a criterion that allows for a change of light, scenes of a
+camera in small windows, because many things move in them.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ from public_cases.measured import STEP, Measured
 from sixflow.convention import SIX
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
+from sixflow.resolution import SHARPEN
 
 BY_EXPERIMENT: dict[str, dict[str, Any]] = {
-    "PIV": {"window": 16, "sharpen": 2},
+    "PIV": {"window": "auto"},
     "DIC": {"lighting": "gain+offset"},
     "vision": {"window": 21, "lighting": "gain+offset"},
 }
@@ -74,7 +75,7 @@ def measure_ours(case: Case, options: dict[str, Any]) -> Measured | None:
         used.get("reference", "first") == "middle",
         seconds,
         window_sigma(field.attrs["effective_window"]),
-        used["sharpen"],
+        used["sharpen"] or (SHARPEN if used["window"] == "auto" else 0),
     )
 
 

@@ -19,7 +19,9 @@ WEIGHED_SHARE = (
 EXPLAINED = 0.01  # share of the residual's power that a last pass may still take out
 
 
-def refine(passes: Passes, start: NDArray[Any], *, sharpened: bool = False) -> tuple[NDArray[Any], Quality, NDArray[Any]]:
+def refine(
+    passes: Passes, start: NDArray[Any], *, sharpened: bool = False
+) -> tuple[NDArray[Any], Quality, NDArray[Any]]:
     """Passes in total form until the points stay, then sharpening passes.
 
     A pass brings a point close to its fixed point at once. What is left is the update times the rate at

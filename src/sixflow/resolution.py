@@ -10,12 +10,14 @@ different responses, so that for i < j (i finer)
 V_i the variance, ∫ over wave numbers as in `engine.response`. What lies above the noise's part is bias that the
 coarser window has and the finer has not. Averaged by a Gaussian kernel K of standard deviation P_j/2,
 
-    B_j = max over i < j of [K(|θ_j − θ_i|² − f_ij V_i) − z √(2/n_ij) K(f_ij V_i)]₊
+    B_j = max over i < j of [K|θ_j − θ_i|² − c (1 + z √(2/n_ij)) K(f_ij V_i)]₊
     R_j = K(V_j) + B_j                                             (expected squared error)
 
 n_ij = m π² (P_j/P_i)² is the number of independent values of m components under K: white noise below the wave number
 2π/P has π/P² of them per area. The allowance of z of its standard deviations keeps chance from being taken for bias
-(Goldenshluger and Lepski, Annals of Statistics 39, 2011). R is formed for the displacement and for the gradient, and
+(Goldenshluger and Lepski, Annals of Statistics 39, 2011). V_i is many times V_j where i is much finer, so that a few
+percent that it is wrong by would outweigh V_j: c is 1 for the three next finer windows, and 2 for those beyond, which
+are to show only waves that all the others miss. R is formed for the displacement and for the gradient, and
 the window with the least product of the two is taken: neither has a unit that outweighs the other.
 
 The level chosen is averaged over a quarter of its period, and the two windows about it are blended, so that the field
@@ -54,6 +56,12 @@ LADDER = (8, 11, 16, 22, 31, 44, 62)
 """px"""
 SEARCHED = 31
 SHARPEN = 2
+FINER = 3
+"""How many of the next finer windows are taken at their word."""
+DOUBTED = 2.0
+"""c: factor on the noise's part for windows finer than these."""
+SPREAD = 0.5
+"""Standard deviation of K, in periods of the coarser window."""
 ALLOWED = 2.0
 """z: standard deviations that the mean square of noise may exceed its expectation by."""
 
@@ -127,7 +135,7 @@ def difference_noise(ratio: float, sharpen: int) -> tuple[float, float]:
     >>> difference_noise(1.0, 2)
     (0.0, 0.0)
     >>> [round(part, 2) for part in difference_noise(2**0.5, 2)]
-    [0.47, 0.71]
+    [0.29, 0.5]
     """
     x = np.linspace(0, 40, 40001)
     fine, coarse = response(np.exp(-x), sharpen), response(np.exp(-x * ratio**2), sharpen)
@@ -153,7 +161,7 @@ def risks(levels: list[Level], grid: Grid) -> Array:
     for kind, place in enumerate((slice(0, 2), slice(2, 6))):
         count = place.stop - place.start
         for j, coarse in enumerate(levels):
-            reach = coarse.period / 2 / grid.step
+            reach = SPREAD * coarse.period / grid.step
             bias = np.zeros(grid.shape)
             for i, fine in enumerate(levels[:j]):
                 both = fine.usable & coarse.usable
@@ -162,8 +170,9 @@ def risks(levels: list[Level], grid: Grid) -> Array:
                     coarse.settings.window / fine.settings.window, fine.settings.sharpen
                 )[kind]
                 noise = _mean(share * variances[i][kind], both, reach)
-                independent = count * (math.pi * coarse.period / fine.period) ** 2
-                excess = _mean(seen, both, reach) - (1 + ALLOWED * math.sqrt(2 / independent)) * noise
+                independent = count * (2 * math.pi * SPREAD * coarse.period / fine.period) ** 2
+                allowed = (1 + ALLOWED * math.sqrt(2 / independent)) * (1 if j - i <= FINER else DOUBTED)
+                excess = _mean(seen, both, reach) - allowed * noise
                 bias = np.fmax(bias, excess)
             product[j] *= _mean(variances[j][kind], coarse.usable, reach) + bias
     usable = np.stack([level.usable for level in levels])

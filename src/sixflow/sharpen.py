@@ -126,7 +126,9 @@ class UniformWindow:
         return total
 
 
-def sharpen(passes: Passes, maps: NDArray[Any], *, sharpened: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
+def sharpen(
+    passes: Passes, maps: NDArray[Any], *, sharpened: bool = False
+) -> tuple[NDArray[Any], NDArray[Any]]:
     """Sharpening passes until the points stay, with shorter strides when they do not come nearer.
 
     Parameters

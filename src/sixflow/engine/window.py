@@ -76,7 +76,7 @@ def sharpening_noise(sharpen: int) -> tuple[float, float]:
     Examples
     --------
     >>> [round(factor, 2) for factor in sharpening_noise(2)]
-    [1.26, 1.17]
+    [1.29, 1.22]
     """
     power = np.convolve(powers(sharpen), powers(sharpen))[2:]
     order = np.arange(2, len(power) + 2)  # ∫ e^−mx dx = 1/m, ∫ x e^−mx dx = 1/m²

@@ -1,0 +1,104 @@
+"""The automatic window: near the best of its ladder, honest about its resolution, refused where it cannot be."""
+
+import numpy as np
+import pytest
+
+from sixflow import InputError, Settings, measure, synth
+from sixflow.engine.window import attenuation_period, window_sigma
+from sixflow.field.flags import FAILING
+from sixflow.resolution import LADDER, SHARPEN, difference_noise, ladder, search_settings
+
+SIDE = 192
+
+
+def error_of(field, made):
+    x, y = np.meshgrid(field.x.values.astype(float), field.y.values.astype(float))
+    difference = np.stack([field.u.values[0], field.v.values[0]], axis=-1) - made.truth(x, y)[..., :2]
+    complete = field.flag.values[0] == 0
+    return np.sqrt(np.mean(difference[complete] ** 2))
+
+
+@pytest.fixture(scope="module")
+def vortices():
+    motion = synth.CellularVortices(amplitude=1.0, period=48.0)
+    return synth.pair(synth.Speckle(seed=4), motion, (SIDE, SIDE), sensor=synth.Sensor(noise=3, seed=4))
+
+
+@pytest.fixture(scope="module")
+def uniform():
+    motion = synth.Affine.translation(1.3, -0.4)
+    return synth.pair(synth.Speckle(seed=4), motion, (SIDE, SIDE), sensor=synth.Sensor(noise=3, seed=4))
+
+
+@pytest.mark.parametrize("kind", ["vortices", "uniform"])
+def test_near_the_best_of_the_ladder(kind, request):
+    made = request.getfixturevalue(kind)
+    fixed = {
+        window: error_of(measure(made.frame0, made.frame1, window=window, sharpen=SHARPEN), made)
+        for window in LADDER
+    }
+    field = measure(made.frame0, made.frame1, window="auto")
+    assert error_of(field, made) < 1.5 * min(fixed.values())
+    assert error_of(field, made) < 0.75 * fixed[31]
+    best = min(fixed, key=fixed.get)
+    assert best / 1.7 < field.attrs["effective_window"] < best * 1.7
+
+
+def test_resolution_is_said(vortices):
+    field = measure(vortices.frame0, vortices.frame1, window="auto")
+    failed = (field.flag.values & FAILING) != 0
+    assert np.isnan(field.resolution.values[failed]).all()
+    inside = field.resolution.values[~failed]
+    periods = [attenuation_period(window_sigma(window), SHARPEN) for window in LADDER]
+    assert inside.min() >= periods[0] * 0.999
+    assert inside.max() <= periods[-1] * 1.001
+    assert field.attrs["attenuation_period_10"] == pytest.approx(np.median(inside))
+    assert field.resolution.dims == ("time", "y", "x")
+    assert field.resolution.attrs["units"] == "px"
+    plain = measure(vortices.frame0, vortices.frame1, sharpen=1)
+    known = plain.resolution.values[np.isfinite(plain.u.values)]
+    np.testing.assert_allclose(known, attenuation_period(window_sigma(31), 1), rtol=1e-6)
+
+
+def test_uniform_texture_and_motion_have_no_steps(uniform):
+    """Neighbouring points differ by no more than their errors let them."""
+    field = measure(uniform.frame0, uniform.frame1, window="auto", step=4)
+    error = np.sqrt(np.nanmax(field.covariance.values[0, ..., 0, 0]))
+    assert np.nanmax(np.abs(np.diff(field.u.values[0], axis=1))) < 4 * error
+
+
+def test_noise_of_a_difference():
+    assert difference_noise(1.0, SHARPEN) == (0.0, 0.0)
+    displacement, gradient = difference_noise(100.0, SHARPEN)
+    assert displacement == pytest.approx(1, abs=2e-3)
+    assert gradient == pytest.approx(1, abs=1e-3)
+    steps = [difference_noise(ratio, SHARPEN) for ratio in (1.4, 2.0, 2.8, 4.0)]
+    assert (np.diff(steps, axis=0) > 0).all()
+
+
+def test_ladder_fits_the_frame():
+    asked = Settings(window="auto", step=4)
+    assert [one.window for one in ladder(asked, (64, 200))] == [8, 11, 16, 22, 31]
+    assert {one.sharpen for one in ladder(asked, (64, 200))} == {SHARPEN}
+    assert {one.sharpen for one in ladder(asked.replace(sharpen=4), (64, 200))} == {4}
+    assert [one.window for one in ladder(asked, (10, 10))] == [8]
+    assert search_settings(asked, (512, 512)).window == 31
+    assert search_settings(asked, (20, 512)).window == 16
+    assert search_settings(Settings(window=25), (20, 512)).window == 25
+
+
+@pytest.mark.parametrize("options", [{"method": "eigenfilter"}, {"group": "similarity"}])
+def test_what_it_does_not_go_with(options):
+    with pytest.raises(InputError, match="window='auto': needs method='least_squares' and group='affine'"):
+        Settings(window="auto", **options)
+
+
+def test_other_words():
+    with pytest.raises(InputError, match="window='wide': must be at least 5 px, or 'auto'"):
+        Settings(window="wide")
+
+
+def test_frames_without_motion_in_common():
+    rng = np.random.default_rng(0)
+    field = measure(rng.normal(size=(96, 96)), rng.normal(size=(96, 96)), window="auto", search="pyramid")
+    assert float(np.isfinite(field.u).mean()) < 0.05
