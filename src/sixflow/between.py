@@ -19,6 +19,7 @@ from sixflow.convention.reference import SHARE
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
 from sixflow.light import RegionLight
+from sixflow.lighting import confirmed
 from sixflow.method import passes_of
 from sixflow.normalise import Frame
 from sixflow.passes import Quality, Workspace
@@ -36,13 +37,16 @@ from sixflow.validate import flag_points, settle
 
 @dataclasses.dataclass(frozen=True)
 class Measured:
-    """A measured and judged field; `window` and `period`, attenuated by 10 %, of each point, px."""
+    """A measured and judged field; `window` and `period`, attenuated by 10 %, of each point, px; `lighting` that was
+    allowed for.
+    """
 
     maps: NDArray[Any]
     quality: Quality
     flag: NDArray[np.uint16]
     window: NDArray[Any]
     period: NDArray[Any]
+    lighting: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,10 +61,13 @@ class Between:
         Frame 0 where points are asked for.
     grid : Grid
     settings : Settings
-        `reference` is "first" or "middle": who sees from frame 1 takes the frames the other way round.
+        `reference` is "first" or "middle": who sees from frame 1 takes the frames the other way round. `lighting` is
+        not "auto".
     workspace : Workspace
     light : RegionLight, optional
         What divides out the local light of the body alone.
+    doubtful : bool
+        Whether `lighting` holds only if the matched windows say so too.
     """
 
     still: Frame
@@ -70,6 +77,7 @@ class Between:
     settings: Settings
     workspace: Workspace
     light: RegionLight | None = None
+    doubtful: bool = False
 
     def measure(self, start: Start | None = None, guess: NDArray[np.float64] | None = None) -> Measured:
         """Search, refine and judge.
@@ -84,10 +92,20 @@ class Between:
         """
         simple = search_settings(self.settings, self.still.image.shape).replace(reference="first")
         found = self._found(simple, start, guess)
-        measured = self._single(found, simple) if simple == self.settings else self._seen_as_asked(found)
+        if self.doubtful and not self._confirmed(found):
+            steady = dataclasses.replace(self, settings=self.settings.replace(lighting="none"), doubtful=False)
+            measured = steady._seen_as_asked(found)
+        elif simple == self.settings:
+            measured = self._single(found, simple)
+        else:
+            measured = self._seen_as_asked(found)
         if self.settings.forward_backward:
             measured.flag[self._strays(measured)] |= FLAGS["forward_backward"]
         return measured
+
+    def _confirmed(self, found: Judged) -> bool:
+        light = found.quality.light
+        return light is None or confirmed(light, ~found.failed, float(self.still.image[::4, ::4].std()))
 
     def _found(self, simple: Settings, start: Start | None, guess: NDArray[np.float64] | None) -> Judged:
         """What the search finds, or what a start leads to."""
@@ -117,8 +135,9 @@ class Between:
         level = Level(settings, found.maps, found.quality, np.empty(0), found.flag)
         everywhere = np.ones(self.grid.shape)
         return Measured(
-            found.maps, found.quality, found.flag, settings.window * everywhere, level.period * everywhere
-        )
+            found.maps, found.quality, found.flag, settings.window * everywhere, level.period * everywhere,
+            settings.lighting,
+        )  # fmt: skip
 
     def _seen_as_asked(self, found: Judged) -> Measured:
         """Refine what the search found once more, seen from where the settings say and with their windows."""
@@ -135,7 +154,7 @@ class Between:
                 np.where(levels[0].usable, levels[0].maps, np.nan), self.grid.step, settings.window
             )
         chosen = choose(levels, self.grid)
-        return Measured(chosen.maps, chosen.quality, chosen.flag, chosen.window, chosen.period)
+        return Measured(chosen.maps, chosen.quality, chosen.flag, chosen.window, chosen.period, self.settings.lighting)
 
     def _level(self, start: NDArray[Any], settings: Settings, *, sharpened: bool = False) -> Level:
         """Refine a start with one window, and judge it; `sharpened`: the start was, by another window."""

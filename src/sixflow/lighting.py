@@ -1,20 +1,25 @@
 """Lighting: whether the light changed between two frames, and what is done about it.
 
 Contrast (standard deviation) and brightness (mean) of whole frames tell a lamp that flickers or a camera that drifts.
-Both also change a little when something enters or leaves the frame; then the zero-normalised criterion, which
-`lighting="auto"` takes, costs time and nothing else.
+Both also change when something enters or leaves the frame. So `lighting="auto"` takes the zero-normalised criterion
+where they changed, and keeps it if the windows that were matched have changed too.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Protocol
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sixflow.settings import Settings
 
 CONTRAST, BRIGHTNESS = 0.05, 0.1
 """Changes that are let pass: of the contrast, as a share of it, and of the brightness, in units of it."""
+MATCHED = 0.02
+"""The same of both, for matched windows: what is let pass is less than noise of a fiftieth of the contrast."""
 
 
 class Lit(Protocol):
@@ -60,14 +65,43 @@ class Change:
         corrected = self.seen and settings.method != "eigenfilter"
         return dataclasses.replace(settings, lighting="gain+offset" if corrected else "none")
 
-    def notes(self, settings: Settings, numbers: tuple[int, int]) -> tuple[str, ...]:
-        """Say what was done about the change, or what could be."""
-        if not self.seen or settings.method == "eigenfilter" or settings.lighting not in ("auto", "none"):
+    def notes(self, asked: Settings, used: str, numbers: tuple[int, int]) -> tuple[str, ...]:
+        """Say what was done about the change, or what could be.
+
+        Parameters
+        ----------
+        asked : Settings
+            As asked for.
+        used : str
+            `lighting` that was used.
+        numbers : (int, int)
+            Of the two frames.
+        """
+        done = {"auto": "gain+offset", "none": "none"}
+        if not self.seen or asked.method == "eigenfilter" or done.get(asked.lighting) != used:
             return ()
         said = "each window is allowed its own gain and offset"
-        if settings.lighting == "none":
+        if used == "none":
             said = 'consider lighting="gain+offset"'
         return (
             f"frames {numbers[0]} and {numbers[1]}: the light changed (contrast × {self.gain:.2f}, "
             f"brightness {self.offset:+.3g} grey); {said}",
         )
+
+
+def confirmed(light: NDArray[Any], measured: NDArray[np.bool_], contrast: float) -> bool:
+    """Whether the light of matched windows changed.
+
+    Parameters
+    ----------
+    light : array, shape (rows, columns, 2)
+        Gain and offset of each window.
+    measured : bool array, shape (rows, columns)
+        Windows that were matched; where none was, the change stands.
+    contrast : float
+        Standard deviation of the reference frame, grey.
+    """
+    if not measured.any():
+        return True
+    gain, offset = np.median(light[measured], axis=0)
+    return bool(abs(gain - 1) > MATCHED or abs(offset) > MATCHED * contrast)

@@ -99,6 +99,8 @@ class Quality:
         As `weight`, with the pixels that were left out as foreign; None where no pixels were weighed.
     foreign, foreign_centre : array, shape (rows, columns), or None
         Share of the window's weight, and of that of a window of half the size, that foreign pixels lost.
+    light : array, shape (rows, columns, 2), or None
+        Gain and offset of each window's light from the reference to the moved frame; None where none was allowed.
     """
 
     covariance: NDArray[Any]
@@ -111,6 +113,7 @@ class Quality:
     partner: NDArray[Any] | None = None
     foreign: NDArray[Any] | None = None
     foreign_centre: NDArray[Any] | None = None
+    light: NDArray[Any] | None = None
 
 
 class Passes:
@@ -360,6 +363,12 @@ class Passes:
 
     def quality(self, sharpened: int = 0) -> Quality:
         """Covariance and quality of what the last pass found, after `sharpened` sharpening passes."""
+        quality = self._quality(sharpened)
+        if not self.by_window:
+            return quality
+        return dataclasses.replace(quality, light=np.moveaxis(self.lighting[:, 0], 0, -1))
+
+    def _quality(self, sharpened: int) -> Quality:
         seen = self._seen()
         transform = _six_from_unknowns(self.settings.sigma, sharpened)
         covariance = self._covariance(seen, transform)

@@ -110,11 +110,12 @@ class Found:
     period: NDArray[Any]
     flag: NDArray[np.uint16]
     body: NDArray[np.int32] | None
+    lighting: str = "none"
 
     @classmethod
     def nothing(cls, shape: tuple[int, int]) -> Found:
         """Start with all points masked."""
-        unknown = {name: np.full(shape, np.nan) for name in _OF_POINTS}
+        unknown: dict[str, Any] = {name: np.full(shape, np.nan) for name in _OF_POINTS}
         return cls(
             maps=np.full((6, *shape), np.nan),
             covariance=np.full((*shape, 6, 6), np.nan),
@@ -137,3 +138,5 @@ class Found:
         for name in ("covariance", *_OF_POINTS, "flag"):
             getattr(self, name)[places][new] = getattr(one, name)[new]
         self.body[places][new] = number
+        if new.any() and one.lighting != "none":
+            self.lighting = one.lighting

@@ -227,7 +227,7 @@ class Session:
         if self.masks_move and body is None:
             number = 1 if bodies is None else next(iter(bodies.boxes))
             body = np.where(flag & FLAGS["masked"], 0, number).astype(np.int32)
-        notes = (*reference.notes, *moved.notes, *change.notes(self.asked, numbers))
+        notes = (*reference.notes, *moved.notes, *change.notes(self.asked, found.lighting, numbers))
         if dead:
             notes += (f"frames {numbers[0]} and {numbers[1]}: {dead} dead or hot pixels were replaced",)
         windows = found.window[~failed] if not failed.all() else found.window
@@ -290,21 +290,22 @@ class Session:
         known = None if start is None else start.of(number, places, grid)
         guess = None if self.guess is None else maps_of_guess(self.guess, self.grid)[(slice(None), *places)]
         light = self._light(reference, moved, number, part, grid)
+        doubtful = self.asked.lighting == "auto" and settings.lighting == "gain+offset"
         if settings.reference == "second":
             # frame 1 is the one that stays: frame 0 is found from it, backwards
             known = None if known is None else known.backwards()
             swapped = settings.replace(reference="first")
             guess = None if guess is None else -placed(guess, grid, 1.0)
-            found = Between(other, region, other, grid, swapped, self.workspace, light).measure(known, guess)
+            found = Between(other, region, other, grid, swapped, self.workspace, light, doubtful).measure(known, guess)
             maps = -found.maps
         else:
-            found = Between(region, other, asked, grid, settings, self.workspace, light).measure(known, guess)
+            found = Between(region, other, asked, grid, settings, self.workspace, light, doubtful).measure(known, guess)
             maps = found.maps
         flag, quality = found.flag, found.quality
         flag[masked_points(maps, grid, asked.valid, settings.reference)] = FLAGS["masked"]
         return Found(
             maps, quality.covariance, quality.residual, quality.noise, quality.rho,
-            found.window, found.period, flag, None,
+            found.window, found.period, flag, None, found.lighting,
         )  # fmt: skip
 
     def _frames_of(

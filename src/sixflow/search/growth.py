@@ -57,6 +57,7 @@ class Judged(NamedTuple):
                 )
                 for field in dataclasses.fields(Quality)
                 if np.ndim(value := getattr(self.quality, field.name)) > 1
+                and np.ndim(getattr(other.quality, field.name)) > 1
             },
         )
         return Judged(np.where(where, other.maps, self.maps), quality, np.where(where, other.flag, self.flag))
