@@ -6,6 +6,7 @@ import pytest
 import measured
 from sixflow import InputError, iterate_sequence, measure, measure_sequence
 from sixflow.cli import main
+from sixflow.field.calibration import known_interval
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
 from sixflow.masks import Bodies
@@ -13,7 +14,7 @@ from sixflow.measurement import join_fields
 from sixflow.sequence import LOST
 from sixflow.synth import Affine, Sensor, Speckle, sequence
 from sixflow.trajectory import Motion, carried, joined
-from sixflow.write import open_field
+from sixflow.write import open_field, write_field
 
 SIX = (0.8, -0.6, 0.02, 0.03, 0.015, -0.01)
 WINDOW, STEP = 31, 8
@@ -133,6 +134,21 @@ def test_every_way_finds_the_motion_from_the_first_frame(options, source):
         kept = ~measured.failed(one)
         assert kept.mean() > 0.8
         assert (np.abs(error)[kept] < np.maximum(6 * measured.standard_errors(one)[kept], 1e-3)).all()
+
+
+def test_joined_fields_are_written_and_read(tmp_path):
+    frames = recording(count=3, size=96).frames
+    mask = np.where(np.arange(96)[:, None] < 48, 1, 2) * np.ones((1, 96), int)
+    field = measure_sequence(frames, pairs="incremental", mask=mask, times=[0.0, 0.1, 0.2])
+    assert known_interval(field) is None  # every pair has an interval of its own
+    for suffix in ("nc", "zarr"):
+        path = tmp_path / f"field.{suffix}"
+        write_field(field, path)
+        with open_field(path) as back:
+            np.testing.assert_array_equal(back.body, field.body)
+            np.testing.assert_array_equal(back.moved_covariance, field.moved_covariance)
+            np.testing.assert_array_equal(back.measured_from, [0, 1])
+    write_field(field, tmp_path / "field.csv")
 
 
 def test_points_once_lost_have_no_numbers_again():

@@ -66,8 +66,10 @@ def known_interval(field: xr.Dataset) -> float | None:
     if field.sizes.get("time", 1) < 2 or field["time"].attrs.get("units") != "s":
         return None
     gaps = field["frame1"].values - field["frame0"].values
+    if np.ptp(gaps) != 0:  # every pair has an interval of its own
+        return None
     intervals = np.diff(field["time"].values) / np.diff(field["frame0"].values) * gaps[:-1]
-    even = np.ptp(intervals) <= 0.01 * np.abs(intervals).min() and np.ptp(gaps) == 0
+    even = np.ptp(intervals) <= 0.01 * np.abs(intervals).min()
     return float(np.median(intervals)) if even else None
 
 
