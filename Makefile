@@ -24,6 +24,7 @@ benchmarks: $(STAMP)
 	$(BIN)/python benchmarks/limit.py
 	$(BIN)/python benchmarks/speed.py
 	$(BIN)/python benchmarks/operators.py
+	$(BIN)/python benchmarks/search.py --quick
 	$(BIN)/python benchmarks/scenes.py
 
 $(STAMP): pyproject.toml
