@@ -25,6 +25,7 @@ benchmarks: $(STAMP)
 	$(BIN)/python benchmarks/speed.py
 	$(BIN)/python benchmarks/robust.py
 	$(BIN)/python benchmarks/operators.py
+	$(BIN)/python benchmarks/search.py --quick
 	$(BIN)/python benchmarks/scenes.py
 
 $(STAMP): pyproject.toml

@@ -104,7 +104,8 @@ class _Search:
             plane = find_plane(self.scene.reference, self.scene.moved, self.scene.window)
             if plane is not None:
                 found = self.better(found, grown(self.from_plane(plane.six), self.scene))
-        found = self.by_regions(found)
+            if plane is not None or self.share(found) <= MOSTLY_LOST:  # else the region is the frame
+                found = self.by_regions(found)
         if self.share(found) > MOSTLY_LOST:
             six = captured_plane(self.scene.reference, self.scene.moved, self.scene.window)
             if six is not None:
