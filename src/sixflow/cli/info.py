@@ -85,10 +85,18 @@ def describe_field(field: xr.Dataset, name: str) -> str:
         if attribute in field.attrs:
             value = field.attrs[attribute]
             if label == "resolution":
-                value = f"a sine of period {float(value):.3g} px is attenuated by 10 %"
+                value = f"a sine of period {float(value):.3g} px is attenuated by 10 %{_range(field)}"
             lines.append(f"{label:14} {value}")
     lines += [f"{'note':14} {note}" for note in str(field.attrs.get("notes", "")).splitlines()]
     return "\n".join(lines)
+
+
+def _range(field: xr.Dataset) -> str:
+    """What the resolution of the points ranges over, where it is not the same for all."""
+    if "resolution" not in field:
+        return ""
+    low, high = float(field["resolution"].min()), float(field["resolution"].max())
+    return f" (median; {low:.3g} to {high:.3g} px)" if high > low * 1.001 else ""
 
 
 def _pairs_and_frames(field: xr.Dataset) -> str:
