@@ -122,7 +122,7 @@ def quality(**changes):
         "residual": np.full(GRID.shape, 0.1),
         "noise": np.ones(GRID.shape),
     }
-    return Quality(**(parts | changes))
+    return Quality(**({"rho": np.zeros(parts["noise"].shape)} | parts | changes))
 
 
 def judge(maps=None, judged=None, left=None, valid=NO_MASK):
