@@ -13,7 +13,7 @@ from sixflow.engine.weigh import (
     NORMAL,
     REACH,
     TILE,
-    weigh,
+    find_weights,
     weighing_noise,
     weight_slope,
 )
@@ -79,7 +79,8 @@ def test_weights_are_those_of_the_formulas():
     expected = naive_weight(residual, gx, gy, 1e-3)
     before = [part.copy() for part in (residual, gx, gy, right)]
     raw, weight = np.empty((2, *residual.shape), np.float32)
-    weigh(residual, gx, gy, right, raw, weight, 1e-3)
+    find_weights(residual, gx, gy, raw, weight, 1e-3)
+    apply_weights(weight, gx, gy, right, residual)
     np.testing.assert_allclose(weight, expected, atol=2e-4)
     assert 0 < (weight == 0).mean() < 0.05
     assert ((weight > 0) & (weight < 1)).any()
@@ -95,7 +96,8 @@ def test_gaussian_noise_keeps_its_weight():
     rng = np.random.default_rng(1)
     residual, gx, gy, right = rng.normal(size=(4, 256, 256)).astype(np.float32)
     raw, weight = np.empty((2, 256, 256), np.float32)
-    weigh(residual, gx, gy, right, raw, weight, 1e-3)
+    find_weights(residual, gx, gy, raw, weight, 1e-3)
+    apply_weights(weight, gx, gy, right, residual)
     assert 1 - weight.mean() < 0.005
 
 
@@ -106,7 +108,8 @@ def test_an_unresolved_motion_is_not_foreign():
     wave = 0.5 * np.sin(np.arange(256) / 20).astype(np.float32)
     residual = (wave * gx + rng.normal(size=(256, 256))).astype(np.float32)
     raw, weight = np.empty((2, 256, 256), np.float32)
-    weigh(residual, gx, gy, np.zeros_like(gx), raw, weight, 1e-3)
+    find_weights(residual, gx, gy, raw, weight, 1e-3)
+    apply_weights(weight, gx, gy, np.zeros_like(gx), residual)
     assert 1 - weight.mean() < 0.01
 
 

@@ -6,10 +6,10 @@ import pytest
 import measured
 from sixflow import InputError, Settings, measure
 from sixflow.normalise import NO_MASK, Frame
-from sixflow.search.captured import captured_plane
 from sixflow.search.plane import CHANCE, find_plane
 from sixflow.search.spectrum import spectrum_of
 from sixflow.search.tiles import agreement, haystack
+from sixflow.session import Session
 from sixflow.synth import Affine, Sensor, pair
 
 SIDE = 193
@@ -49,15 +49,11 @@ def test_unrelated_frames_stay_failed():
     assert measured.failed(measure(one.frame0, other.frame0)).all()
 
 
-def test_masked_points_are_not_asked():
-    from sixflow.session import Session
-
+def test_a_masked_frame_has_no_plane():
     found = made("speckle", MOTIONS["turn of 30°"])
-    session = Session(Settings(), None)
+    session = Session(Settings())
     frames = [session.prepare(frame, "frame").frame for frame in (found.frame0, found.frame1)]
-    everywhere = np.zeros((SIDE, SIDE), np.uint8)
-    assert captured_plane(frames[0].within(everywhere), frames[1], 31) is None
-    assert captured_plane(*frames, 8) is None
+    assert find_plane(frames[0].within(np.zeros((SIDE, SIDE), np.uint8)), frames[1], 31) is None
 
 
 def test_unknown_search():

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.convention.reference import SHARE
+from sixflow.engine.window import attenuation_period
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
 from sixflow.light import RegionLight
@@ -90,10 +91,12 @@ class Between:
         guess : array, shape (6, rows, columns), optional
             A user's first guess, at points of frame 0.
         """
-        simple = search_settings(self.settings, self.still.image.shape).replace(reference="first")
+        simple = search_settings(self.settings, self.still.image.shape).replace(reference="first", sharpen=0)
         found = self._found(simple, start, guess)
         if self.doubtful and not self._confirmed(found):
-            steady = dataclasses.replace(self, settings=self.settings.replace(lighting="none"), doubtful=False)
+            steady = dataclasses.replace(
+                self, settings=self.settings.replace(lighting="none"), doubtful=False
+            )
             measured = steady._seen_as_asked(found)
         elif simple == self.settings:
             measured = self._single(found, simple)
@@ -133,9 +136,12 @@ class Between:
     def _single(self, found: Judged, settings: Settings) -> Measured:
         """The field of one window."""
         level = Level(settings, found.maps, found.quality, np.empty(0), found.flag)
-        everywhere = np.ones(self.grid.shape)
+        period = np.full(self.grid.shape, level.period)
+        if found.quality.held is not None:
+            period[found.quality.held] = attenuation_period(settings.sigma, 0)
+        window = np.full(self.grid.shape, float(settings.window))
         return Measured(
-            found.maps, found.quality, found.flag, settings.window * everywhere, level.period * everywhere,
+            found.maps, found.quality, found.flag, window, period,
             settings.lighting,
         )  # fmt: skip
 
@@ -154,7 +160,9 @@ class Between:
                 np.where(levels[0].usable, levels[0].maps, np.nan), self.grid.step, settings.window
             )
         chosen = choose(levels, self.grid)
-        return Measured(chosen.maps, chosen.quality, chosen.flag, chosen.window, chosen.period, self.settings.lighting)
+        return Measured(
+            chosen.maps, chosen.quality, chosen.flag, chosen.window, chosen.period, self.settings.lighting
+        )
 
     def _level(self, start: NDArray[Any], settings: Settings, *, sharpened: bool = False) -> Level:
         """Refine a start with one window, and judge it; `sharpened`: the start was, by another window."""

@@ -68,9 +68,7 @@ class RegionLight:
         if there is None:
             there = self._carried(-maps, share) if self.backwards else self._carried(maps, 1 - share)
         pair = [(self.first, self.inside), (self.second, there)]
-        lit = [
-            flatten_lighting(frame.image, frame.valid, self.sigma, region) for frame, region in pair
-        ]
+        lit = [flatten_lighting(frame.image, frame.valid, self.sigma, region) for frame, region in pair]
         if self.backwards:
             lit.reverse()
         return Frame(lit[0], still.valid), Frame(lit[1], moved.valid)

@@ -34,7 +34,7 @@ from sixflow.engine.solve import (
 from sixflow.engine.spline import DEGREE, gradient_noise, noise_variance
 from sixflow.engine.threads import over_strips
 from sixflow.engine.warp import DERIVATIVE, bring_strip, warp_strip
-from sixflow.engine.weigh import NEGLIGIBLE, weigh, weighing_noise, weight_slope
+from sixflow.engine.weigh import NEGLIGIBLE, apply_weights, find_weights, weighing_noise, weight_slope
 from sixflow.engine.window import moment_weights, sharpening_noise
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
@@ -46,6 +46,7 @@ STRIP = 64
 GRID_STRIP = 16
 CONTRACTION = 0.05  # what a pass leaves of the distance to its fixed point, at least (measured: 0.01 to 0.03)
 WEIGHED_CONTRACTION = 0.4  # the same where weights change from pass to pass
+FREEZE = 4  # weighed passes after which the weights stay: pixels in doubt could change sides for ever
 OF_CONTRAST = (
     0.02  # of the frame's contrast: a residual that no pixel is called foreign for is 3.5 times that
 )
@@ -101,6 +102,8 @@ class Quality:
         Share of the window's weight, and of that of a window of half the size, that foreign pixels lost.
     light : array, shape (rows, columns, 2), or None
         Gain and offset of each window's light from the reference to the moved frame; None where none was allowed.
+    held : bool array, shape (rows, columns), or None
+        Points that sharpening left as they were.
     """
 
     covariance: NDArray[Any]
@@ -114,6 +117,7 @@ class Quality:
     foreign: NDArray[Any] | None = None
     foreign_centre: NDArray[Any] | None = None
     light: NDArray[Any] | None = None
+    held: NDArray[np.bool_] | None = None
 
 
 class Passes:
@@ -147,6 +151,7 @@ class Passes:
         self._update = self._last = np.zeros((6, *grid.shape))
         self._last_seen: Seen | None = None
         self._partner: NDArray[Any] | None = None
+        self._weighings = 0
         self.robust = False
         """Whether foreign pixels have little weight in the next passes."""
 
@@ -275,11 +280,14 @@ class Passes:
         shape, array = self.reference.image.shape, self.workspace.array
         residual, weight = array("residual", shape, self.dtype), array("pixel_weight", shape, self.dtype)
         floor = OF_CONTRAST * float(self.reference.image[::4, ::4].std())
-        weigh(residual, *self._images(), array("raw_weight", shape, self.dtype), weight, floor)
+        if self._weighings < FREEZE:
+            find_weights(residual, *self._images()[:2], array("raw_weight", shape, self.dtype), weight, floor)
+        apply_weights(weight, *self._images(), residual)
+        self._weighings += 1
 
     def begin(self) -> None:
         """Give all pixels their full weight again, for another start."""
-        self.robust, self._partner = False, None
+        self.robust, self._partner, self._weighings = False, None, 0
 
     def distrust(self) -> bool:
         """Begin to weigh pixels if the last residual shows any that do not belong; True if that is new."""
@@ -343,12 +351,19 @@ class Passes:
             similar = (seen.residual < TRUSTED_RESIDUAL) & (seen.weight > MINIMUM_WEIGHT)
         return similar & (seen.texture > self.minimum_texture)
 
+    def measurable(self) -> NDArray[np.bool_]:
+        """Where the last pass saw enough of a window, and texture above the noise; shape (rows, columns)."""
+        seen = self._seen()
+        with np.errstate(invalid="ignore"):
+            return np.asarray((seen.weight > MINIMUM_WEIGHT) & (seen.texture > self.minimum_texture))
+
     def contraction(self) -> NDArray[Any]:
         """What one more pass leaves of the distance to the fixed point, at most; shape (rows, columns)."""
         rho = self._seen().rho
         with np.errstate(invalid="ignore", divide="ignore"):
             noise_share = np.where(rho >= 0, rho / (1 + rho), 1.0)
-        rate = np.clip(noise_share, WEIGHED_CONTRACTION if self.robust else CONTRACTION, 0.9)
+        changing = self.robust and self._weighings < FREEZE
+        rate = np.clip(noise_share, WEIGHED_CONTRACTION if changing else CONTRACTION, 0.9)
         return rate / (1 - rate)
 
     def counted(self) -> NDArray[np.bool_]:
@@ -361,9 +376,14 @@ class Passes:
         """Share of the residual's power that the last update took out, median over the points."""
         return 1 - float(np.nanmedian(self._seen().left))
 
-    def quality(self, sharpened: int = 0) -> Quality:
-        """Covariance and quality of what the last pass found, after `sharpened` sharpening passes."""
+    def quality(self, sharpened: int = 0, held: NDArray[np.bool_] | None = None) -> Quality:
+        """Covariance and quality of what the last pass found, sharpened so many times but where points were held."""
         quality = self._quality(sharpened)
+        if held is not None and held.any():
+            scale = np.diag(_six_from_unknowns(1.0, 0) @ np.linalg.inv(_six_from_unknowns(1.0, sharpened)))
+            covariance = quality.covariance
+            covariance[held] *= np.outer(scale, scale).astype(covariance.dtype)
+            quality = dataclasses.replace(quality, held=held)
         if not self.by_window:
             return quality
         return dataclasses.replace(quality, light=np.moveaxis(self.lighting[:, 0], 0, -1))
@@ -374,7 +394,13 @@ class Passes:
         covariance = self._covariance(seen, transform)
         if not self.robust:
             return Quality(
-                covariance, seen.texture, seen.weight, seen.residual, seen.noise, seen.rho, self.minimum_texture
+                covariance,
+                seen.texture,
+                seen.weight,
+                seen.residual,
+                seen.noise,
+                seen.rho,
+                self.minimum_texture,
             )
         weight = self.workspace.array("pixel_weight", self.reference.image.shape, self.dtype)
         raw = self.workspace.array("raw_weight", weight.shape, self.dtype)

@@ -64,9 +64,12 @@ def refine(
         if (done > 1 or typical(update) < NEAR) and passes.distrust():
             done = 0
             continue
-        most = typical(left, WEIGHED_SHARE if passes.robust else TYPICAL_SHARE)
+        most = typical(
+            np.where(passes.measurable(), left, np.nan), WEIGHED_SHARE if passes.robust else TYPICAL_SHARE
+        )
         if most < settings.tolerance and passes.explained() < EXPLAINED:
             break
-    if settings.sharpen:
-        maps, left = sharpen(passes, maps, sharpened=sharpened)
-    return maps, passes.quality(settings.sharpen), left
+    if not settings.sharpen:
+        return maps, passes.quality(), left
+    fine = sharpen(passes, maps, left, sharpened=sharpened)
+    return fine.maps, passes.quality(settings.sharpen, fine.held), fine.left

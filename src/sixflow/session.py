@@ -145,7 +145,9 @@ class Session:
                 f"{name} is constant ({array.flat[0]}): there is no texture to follow; check the frame or its exposure"
             )
         notes = (f"{name}: {missing} pixels without a value (NaN or infinite) are masked",) if missing else ()
-        sample = _sample(image, valid if bodies is None else both_valid((bodies.labels != 0).astype(np.uint8), valid))
+        sample = _sample(
+            image, valid if bodies is None else both_valid((bodies.labels != 0).astype(np.uint8), valid)
+        )
         digest = hashlib.sha256(np.ascontiguousarray(array).data).digest()
         mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
         unlit = None
@@ -296,10 +298,14 @@ class Session:
             known = None if known is None else known.backwards()
             swapped = settings.replace(reference="first")
             guess = None if guess is None else -placed(guess, grid, 1.0)
-            found = Between(other, region, other, grid, swapped, self.workspace, light, doubtful).measure(known, guess)
+            found = Between(other, region, other, grid, swapped, self.workspace, light, doubtful).measure(
+                known, guess
+            )
             maps = -found.maps
         else:
-            found = Between(region, other, asked, grid, settings, self.workspace, light, doubtful).measure(known, guess)
+            found = Between(region, other, asked, grid, settings, self.workspace, light, doubtful).measure(
+                known, guess
+            )
             maps = found.maps
         flag, quality = found.flag, found.quality
         flag[masked_points(maps, grid, asked.valid, settings.reference)] = FLAGS["masked"]
@@ -357,7 +363,9 @@ class Session:
             there = moved.bodies.of_number(self._partner(reference, moved, number), part)
         backwards = self.settings.reference == "second"
         frames = reference.unlit.part(part), moved.unlit.part(part)
-        return RegionLight(*frames, bodies.of_number(number, part), there, grid, self.settings.sigma, backwards)
+        return RegionLight(
+            *frames, bodies.of_number(number, part), there, grid, self.settings.sigma, backwards
+        )
 
     def field(
         self,

@@ -26,6 +26,7 @@ of passes does not depend on n. Windows that are cut by a border or a mask are c
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,7 @@ from sixflow.validate import settle, typical
 
 _STRIP = 16
 SHARPEN_PASSES = 8
+_HELD = 1 / 8  # of a whole stride
 SHARPENED = 0.3  # what a sharpening pass leaves of its update, at most (measured: 0.1 to 0.3)
 
 
@@ -126,45 +128,68 @@ class UniformWindow:
         return total
 
 
-def sharpen(
-    passes: Passes, maps: NDArray[Any], *, sharpened: bool = False
-) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Sharpening passes until the points stay, with shorter strides when they do not come nearer.
+@dataclasses.dataclass(frozen=True)
+class Sharpened:
+    """What sharpening passes found.
 
-    Parameters
+    Attributes
     ----------
-    passes : Passes
-        After its last pass in total form, if there was one.
-    maps : float64 array, shape (6, rows, columns)
-        What that pass found, or a field.
-    sharpened : bool
-        `maps` is a field, which another window measured with sharpening.
-
-    Returns
-    -------
     maps : float64 array, shape (6, rows, columns)
         NaN where the last pass failed.
     left : float64 array, shape (rows, columns)
         How far each point may still be from its fixed point, px.
+    held : bool array, shape (rows, columns)
+        Points that were left as they were.
+    """
+
+    maps: NDArray[Any]
+    left: NDArray[Any]
+    held: NDArray[np.bool_]
+
+
+def sharpen(passes: Passes, maps: NDArray[Any], left: NDArray[Any], *, sharpened: bool = False) -> Sharpened:
+    """Sharpening passes until the points stay, with shorter strides for those that do not come nearer.
+
+    Where the texture fills a part of the window alone, P is as large as M, and Q P may make passes diverge. A point
+    whose stride is down to an eighth, or that has not settled at the end, is held: it keeps the plain fit.
+
+    Parameters
+    ----------
+    passes : Passes
+        After a pass; points that this found without texture take no part, and are filled from their neighbours.
+    maps : float64 array, shape (6, rows, columns)
+        What that pass found, or a field.
+    left : float64 array, shape (rows, columns)
+        How far those may be from their fixed points, px.
+    sharpened : bool
+        `maps` is a field, which another window measured with sharpening. Then nothing is known to hold points at,
+        and those that do not settle stay with what they have left.
     """
     settings, step = passes.settings, passes.grid.step
     window = UniformWindow(passes.grid, settings.sigma, passes.counted())
     reach = plain_window(settings.window, settings.sharpen)
-    maps = settle(maps, step, settings.window)
+    measurable = passes.measurable()
+    maps = plain = settle(np.where(measurable, maps, np.nan), step, settings.window)
     if not sharpened:
         maps = window.deconvolve(maps, settings.sharpen)
-    left = np.full(passes.grid.shape, np.inf)
-    stride, before = 1.0, np.inf
+    known, held = left, np.zeros(passes.grid.shape, np.bool_)
+    stride, before = np.ones(passes.grid.shape), np.full(passes.grid.shape, np.inf)
     for _ in range(SHARPEN_PASSES):
         increment = passes.solve(maps, total=False) - maps
-        failed = np.isnan(increment)
+        failed = np.isnan(increment).any(axis=0) | ~measurable
         aim = window.deconvolve(window.fit(maps) + np.where(failed, 0, increment), settings.sharpen)
-        distance = np.where(failed.any(axis=0), np.nan, np.hypot(aim[0] - maps[0], aim[1] - maps[1]))
-        size = typical(distance)
-        if size > 0.7 * before:
-            stride = max(stride / 2, 1 / 8)
-        maps = settle(maps + stride * (aim - maps), step, reach)
-        left, before = distance * (SHARPENED if stride == 1 else 1.0), size
-        if typical(left) < settings.tolerance:
+        distance = np.where(failed, np.nan, np.hypot(aim[0] - maps[0], aim[1] - maps[1]))
+        with np.errstate(invalid="ignore"):
+            stride[(distance > 0.7 * before) & (distance > settings.tolerance)] /= 2
+        if not sharpened:
+            held |= stride <= _HELD
+        moved = settle(np.where(measurable, maps + stride * (aim - maps), np.nan), step, reach)
+        maps = np.where(held, plain, moved)
+        left, before = distance * np.where(stride == 1, SHARPENED, 1.0), distance
+        if typical(np.where(held, np.nan, left)) < settings.tolerance:
             break
-    return np.where(np.isnan(left), np.nan, maps), left
+    if not sharpened:
+        with np.errstate(invalid="ignore"):
+            held |= left > 2 * settings.tolerance
+    left = np.where(held & ~np.isnan(left), known, left)
+    return Sharpened(np.where(np.isnan(left), np.nan, np.where(held, plain, maps)), left, held)

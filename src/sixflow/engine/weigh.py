@@ -233,18 +233,18 @@ def usual(scales: NDArray[Any], floor: float) -> NDArray[Any]:
     return out
 
 
-def weigh(
-    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], right: NDArray[Any],
-    raw: NDArray[Any], weight: NDArray[Any], floor: float,
+def find_weights(
+    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], raw: NDArray[Any],
+    weight: NDArray[Any], floor: float,
 ) -> None:  # fmt: skip
-    """Find ω and multiply the four images by √ω in place.
+    """Find ω of every pixel.
 
     Parameters
     ----------
-    residual, gradient_x, gradient_y, right : arrays, shape (height, width)
+    residual, gradient_x, gradient_y : arrays, shape (height, width)
         From `warp`.
     raw : array, shape (height, width)
-        Scratch.
+        Receives the weight of every pixel by itself.
     weight : array, shape (height, width)
         Receives ω; 1 where a pixel has no partner.
     floor : float
@@ -258,6 +258,15 @@ def weigh(
         lambda a, b: raw_weights_strip(residual, gradient_x, gradient_y, scales, a, b, raw), height, _STRIP
     )
     over_strips(lambda a, b: spread_strip(raw, a, b, weight), height, _STRIP)
+
+
+def apply_weights(
+    weight: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], right: NDArray[Any],
+    residual: NDArray[Any],
+) -> None:  # fmt: skip
+    """Multiply gradient, right-hand side and residual by √ω in place; arrays of shape (height, width)."""
     over_strips(
-        lambda a, b: apply_strip(weight, a, b, gradient_x, gradient_y, right, residual), height, _STRIP
+        lambda a, b: apply_strip(weight, a, b, gradient_x, gradient_y, right, residual),
+        weight.shape[0],
+        _STRIP,
     )

@@ -8,7 +8,6 @@
 | `spectrum` | turn, zoom and shear from amplitude spectra, which do not move with the shift |
 | `tiles` | where tiles of frame 0 are in frame 1, and the affine map that they agree upon |
 | `plane` | candidates of `spectrum`, judged by `tiles`: one affine map of whole frames |
-| `captured` | one affine map from maps captured about single points |
 | `growth` | from where the motion is found to where it is not yet |
 | `guess` | a first guess of any kind, at the grid points |
 """

@@ -12,7 +12,6 @@
 | more than `MISSED` | growth |
 | more than `LOST` | one affine map of the whole frames, coarse to fine from it, and growth |
 | still more than `LOST` | for a few regions, the largest first: one affine map, and growth, each region by itself |
-| more than `MOSTLY_LOST` | the map captured about the middle, coarse to fine from it, and growth |
 
 Of two fields, that with fewer missed points is kept. Nothing is tried where nothing was missed: small motion costs the
 pyramid, and no more.
@@ -29,7 +28,6 @@ from numpy.typing import NDArray
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
 from sixflow.passes import Workspace
-from sixflow.search.captured import captured_plane
 from sixflow.search.growth import Judged, Scene, grown
 from sixflow.search.plane import Plane, find_plane
 from sixflow.search.pyramid import pyramid
@@ -106,10 +104,6 @@ class _Search:
                 found = self.better(found, grown(self.from_plane(plane.six), self.scene))
             if plane is not None or self.share(found) <= MOSTLY_LOST:  # else the region is the frame
                 found = self.by_regions(found)
-        if self.share(found) > MOSTLY_LOST:
-            six = captured_plane(self.scene.reference, self.scene.moved, self.scene.window)
-            if six is not None:
-                found = self.better(found, grown(self.from_plane(six), self.scene))
         return found
 
     def by_regions(self, found: Judged) -> Judged:
