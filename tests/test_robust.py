@@ -13,6 +13,7 @@ from sixflow.engine.weigh import (
     NORMAL,
     REACH,
     TILE,
+    apply_weights,
     find_weights,
     weighing_noise,
     weight_slope,
