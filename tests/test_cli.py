@@ -305,7 +305,7 @@ def test_help_shows_examples_unbroken(command, capsys):
 
 
 def test_help_of_measure_says_what_the_settings_say(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "400")
+    monkeypatch.setenv("COLUMNS", "1000")
     assert run("measure --help") == 0
     out = capsys.readouterr().out
     for field in dataclasses.fields(Settings):

@@ -57,7 +57,9 @@ def test_resolution_is_said(vortices):
     assert field.resolution.attrs["units"] == "px"
     plain = measure(vortices.frame0, vortices.frame1, sharpen=1)
     known = plain.resolution.values[np.isfinite(plain.u.values)]
-    np.testing.assert_allclose(known, attenuation_period(window_sigma(31), 1), rtol=1e-6)
+    sharpened, held = (attenuation_period(window_sigma(31), n) for n in (1, 0))
+    assert np.isclose(known, sharpened).mean() > 0.98  # but at a few points with cut windows
+    assert (np.isclose(known, sharpened) | np.isclose(known, held)).all()
 
 
 def test_uniform_texture_and_motion_have_no_steps(uniform):

@@ -36,7 +36,7 @@ def affine_motion(grid, plane, flag=0, spread=1e-4):
 
     six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, grid.plane(np.array(plane)), axes=1), 0, -1)
     covariance = np.broadcast_to(spread * np.diag([1, 1, 0.01, 0.01, 0.01, 0.01]), (*grid.shape, 6, 6)).copy()
-    flags = np.full(grid.shape, flag, np.uint8)
+    flags = np.full(grid.shape, flag, np.uint16)
     same = np.ones(grid.shape)
     return Motion(six, covariance, covariance / 2, flags, same, same, None)
 
