@@ -3,7 +3,7 @@
 | column | settings |
 |---|---|
 | default | none: `measure(frame0, frame1)` |
-| sharpen=2 | that one |
+| sharpen=2, sharpen=5 | that one |
 | eigenfilter | `method="eigenfilter"` |
 | by experiment | `BY_EXPERIMENT`, chosen by what was recorded, not by what came out |
 
@@ -36,6 +36,7 @@ BY_EXPERIMENT: dict[str, dict[str, Any]] = {
 COLUMNS: dict[str, dict[str, Any]] = {
     "default": {},
     "sharpen=2": {"sharpen": 2},
+    "sharpen=5": {"sharpen": 5},
     "eigenfilter": {"method": "eigenfilter"},
 }
 STANDING = ("default", "by experiment")

@@ -152,7 +152,7 @@ def all_tables(results: Results, ours: Names, methods: Names) -> Iterator[Table]
 def _targets(results: Results, ours: Names) -> Table:
     note = (
         f"✓ keeps the limit, ✗ does not. A target is met if one of the standing columns, {' or '.join(STANDING)}, "
-        "keeps all of its limits. The figure is that of the worst case."
+        "keeps all of its limits; that of the star, if any column does. The figure is that of the worst case."
     )
     header = ["target", "figure", "limit", *ours, "verdict"]
     return Table("Targets", note, header, list(verdicts(results, ours, STANDING)))
