@@ -54,16 +54,22 @@ _STRIP = 16
 Array = NDArray[np.float64]
 
 
+@kernel
+def _variances_strip(covariance: NDArray[Any], start: int, stop: int, out: NDArray[Any]) -> None:
+    for j in range(start, stop):
+        for i in range(out.shape[2]):
+            C = covariance[j, i]
+            along, across = (C[2, 2] + C[4, 4]) / 4, (C[5, 5] + C[3, 3]) / 4
+            out[0, j, i], out[1, j, i] = max(C[0, 0], 0.0), max(C[1, 1], 0.0)
+            out[2, j, i], out[5, j, i] = max(along + C[2, 4] / 2, 0.0), max(along - C[2, 4] / 2, 0.0)
+            out[3, j, i], out[4, j, i] = max(across - C[3, 5] / 2, 0.0), max(across + C[3, 5] / 2, 0.0)
+
+
 def gradient_variances(covariance: NDArray[Any]) -> Array:
     """Variances of u, v, u_x, u_y, v_x, v_y from the covariance of the six; shape (6, rows, columns)."""
-    C = covariance.astype(np.float64)
-    divergence, curl, stretch, shear = (C[..., k, k] for k in range(2, 6))
-    along, across = (divergence + stretch) / 4, (shear + curl) / 4
-    out = np.stack(
-        [C[..., 0, 0], C[..., 1, 1], along + C[..., 2, 4] / 2, across - C[..., 3, 5] / 2,
-         across + C[..., 3, 5] / 2, along - C[..., 2, 4] / 2]
-    )  # fmt: skip
-    return np.asarray(np.maximum(out, 0))
+    out = np.empty((6, *covariance.shape[:2]))
+    over_strips(lambda a, b: _variances_strip(covariance, a, b, out), out.shape[1], _STRIP)
+    return out
 
 
 def of_smooth(phase: float) -> float:

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from sixflow.between import Between
 from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.defects import without_defects
+from sixflow.engine.threads import beside
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.field.flags import FLAGS
@@ -134,6 +135,7 @@ class Session:
             raise InputError(
                 f"mask has shape {bodies.labels.shape}, the frames {self.shape}: the mask must have the frames' shape"
             )
+        digest = beside(lambda: hashlib.sha256(np.ascontiguousarray(array).data).digest())
         image, valid, missing = to_image(array, self.constant, self.dtype, self.scale)
         if missing == array.size:
             raise InputError(
@@ -148,13 +150,12 @@ class Session:
         sample = _sample(
             image, valid if bodies is None else both_valid((bodies.labels != 0).astype(np.uint8), valid)
         )
-        digest = hashlib.sha256(np.ascontiguousarray(array).data).digest()
         mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
         unlit = None
         if self.settings.lighting == "local":
             unlit = Frame(image, valid)
             image = flatten_lighting(image, valid, self.settings.sigma)
-        return Prepared(Frame(image, valid), digest, mean, spread, notes, bodies, unlit)
+        return Prepared(Frame(image, valid), digest.result(), mean, spread, notes, bodies, unlit)
 
     def _begin(self, first: NDArray[Any], name: str) -> None:
         """Take shape, grid and the grey constant from the first frame."""

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
+from typing import TypeVar
+
+T = TypeVar("T")
 
 
 def worker_count() -> int:
@@ -42,3 +45,8 @@ def over_strips(task: Callable[[int, int], None], rows: int, height: int) -> Non
         wait(done)
     for future in done:
         future.result()
+
+
+def beside(task: Callable[[], T]) -> Future[T]:
+    """Begin a task that does not hold the interpreter, such as a digest, beside what the caller does next."""
+    return _pool(os.getpid()).submit(task)

@@ -335,6 +335,22 @@ def bring_strip(
 
 
 @kernel
+def _along_moved_axes(
+    u_x: float, u_y: float, v_x: float, v_y: float, plane: NDArray[Any], x: int, target_x: NDArray[Any],
+    target_y: NDArray[Any],
+) -> None:  # fmt: skip
+    """Multiply the gradient of one pixel by F⁻ᵀ."""
+    one = plane.dtype.type(1)
+    F_xx, F_xy, F_yx, F_yy = one + plane[2] + u_x, plane[3] + u_y, plane[4] + v_x, one + plane[5] + v_y
+    area = F_xx * F_yy - F_xy * F_yx
+    sound = area > plane.dtype.type(_LEAST_AREA)
+    inverse = one / (area if sound else one)
+    g_x, g_y = target_x[x], target_y[x]
+    target_x[x] = (F_yy * g_x - F_yx * g_y) * inverse if sound else g_x
+    target_y[x] = (F_xx * g_y - F_xy * g_x) * inverse if sound else g_y
+
+
+@kernel
 def _moved_axes_row(
     before: NDArray[Any], here: NDArray[Any], after: NDArray[Any], apart: int, plane: NDArray[Any],
     target_x: NDArray[Any], target_y: NDArray[Any],
@@ -342,33 +358,22 @@ def _moved_axes_row(
     """Multiply the gradients of a row by F⁻ᵀ, from its dense displacement (less the plane) and those of the rows
     beside it, `apart` rows from each other.
     """
-    width = target_x.size
-    one, half, least = plane.dtype.type(1), plane.dtype.type(0.5), plane.dtype.type(_LEAST_AREA)
+    width, last = target_x.size, target_x.size - 1
+    one, half = plane.dtype.type(1), plane.dtype.type(0.5)
     down = one / plane.dtype.type(max(apart, 1))
-    a, b, c, d = one + plane[2], plane[3], plane[4], one + plane[5]
-    for x in (0, width - 1):
-        low, high = max(x - 1, 0), min(x + 1, width - 1)
-        F_xx, F_yx = a + (here[0, high] - here[0, low]), c + (here[1, high] - here[1, low])
-        F_xy, F_yy = b + (after[0, x] - before[0, x]) * down, d + (after[1, x] - before[1, x]) * down
-        area = F_xx * F_yy - F_xy * F_yx
-        if area > least:
-            g_x, g_y = target_x[x], target_y[x]
-            target_x[x] = (F_yy * g_x - F_yx * g_y) / area
-            target_y[x] = (F_xx * g_y - F_xy * g_x) / area
-        if width == 1:
-            break
-    n = max(width - 2, 0)
-    u0, u1, v0, v1 = here[0, :n], here[0, 2 : 2 + n], here[1, :n], here[1, 2 : 2 + n]
-    u2, u3, v2, v3 = before[0, 1 : 1 + n], after[0, 1 : 1 + n], before[1, 1 : 1 + n], after[1, 1 : 1 + n]
-    inner_x, inner_y = target_x[1 : 1 + n], target_y[1 : 1 + n]
-    for x in range(n):
-        F_xx, F_yx = a + (u1[x] - u0[x]) * half, c + (v1[x] - v0[x]) * half
-        F_xy, F_yy = b + (u3[x] - u2[x]) * down, d + (v3[x] - v2[x]) * down
-        area = F_xx * F_yy - F_xy * F_yx
-        scale = one / area
-        g_x, g_y = inner_x[x], inner_y[x]
-        inner_x[x] = (F_yy * g_x - F_yx * g_y) * scale if area > least else g_x
-        inner_y[x] = (F_xx * g_y - F_xy * g_x) * scale if area > least else g_y
+    u, v, u0, v0, u1, v1 = here[0], here[1], before[0], before[1], after[0], after[1]
+    for x in range(1, last):
+        du, dv = (u[x + 1] - u[x - 1]) * half, (v[x + 1] - v[x - 1]) * half
+        _along_moved_axes(
+            du, (u1[x] - u0[x]) * down, dv, (v1[x] - v0[x]) * down, plane, x, target_x, target_y
+        )
+    for x in range(0, width, max(last, 1)):
+        left, right = max(x - 1, 0), min(x + 1, last)
+        across = one / plane.dtype.type(max(right - left, 1))
+        du, dv = (u[right] - u[left]) * across, (v[right] - v[left]) * across
+        _along_moved_axes(
+            du, (u1[x] - u0[x]) * down, dv, (v1[x] - v0[x]) * down, plane, x, target_x, target_y
+        )
 
 
 @kernel
