@@ -93,15 +93,16 @@ def _apart_strip(
                 after = maps[gx, j + dj, i + di] * hx + maps[gy, j + dj, i + di] * hy
                 here = maps[gx, j, i] * hx + maps[gy, j, i] * hy
                 apart = abs(maps[c, j - dj, i - di] + before - maps[c, j + dj, i + di] + after)
-                if not apart >= 0:
+                slope = max(abs(before), abs(after))
+                if abs(here) > slope:
+                    slope = abs(here)
+                floor = FLOOR + smooth * slope
+                if not apart > worst[j, i] * floor:  # no noise would make it less
                     continue
                 variance = variances[c, j - dj, i - di] + variances[c, j + dj, i + di]
                 variance += hx * hx * (variances[gx, j - dj, i - di] + variances[gx, j + dj, i + di])
                 variance += hy * hy * (variances[gy, j - dj, i - di] + variances[gy, j + dj, i + di])
-                slope = max(abs(before), abs(after))
-                if abs(here) > slope:
-                    slope = abs(here)
-                ratio = apart / (ERRORS * math.sqrt(variance) + FLOOR + smooth * slope)
+                ratio = apart / (ERRORS * math.sqrt(variance) + floor)
                 if ratio > worst[j, i]:
                     worst[j, i] = ratio
 
@@ -246,13 +247,13 @@ def _stands_out_strip(
     around = np.empty(8)
     for j in range(start, stop):
         for i in range(noise.shape[1]):
+            found[j, i] = False
+            if not residual[j, i] > LEAST_RESIDUAL:
+                continue
             count = neighbours(noise, j, i, reach, around)
-            found[j, i] = count >= 3 and noise[j, i] > STANDS_OUT * median(around, count)
-            if found[j, i] and residual[j, i] > LEAST_RESIDUAL:
+            if count >= 3 and noise[j, i] > STANDS_OUT * median(around, count):
                 count = neighbours(residual, j, i, reach, around)
                 found[j, i] = count >= 3 and residual[j, i] > STANDS_OUT * median(around, count)
-            else:
-                found[j, i] = False
 
 
 def stands_out(noise: NDArray[Any], residual: NDArray[Any], step: int, window: float) -> NDArray[np.bool_]:
@@ -296,6 +297,8 @@ def _gradient_strip(
         for i in range(x, columns - x):
             here = gradient[j, i]
             slope = (value[j + y, i + x] - value[j - y, i - x]) / (2 * reach * step)
+            if not abs(here - slope) > 3 * GRADIENT_FLOOR + abs(here) / 2:
+                continue
             tolerance = 2 * math.sqrt(variance[j, i]) + GRADIENT_FLOOR
             if not abs(here - slope) > 3 * tolerance + abs(here) / 2:
                 continue

@@ -78,7 +78,7 @@ def _level(image: NDArray[Any]) -> float:
     sample = np.empty(((height + 5) // 8, (width + 1) // 4), image.dtype)
     over_strips(lambda a, b: _sample_strip(image, a, b, sample), sample.shape[0], _STRIP)
     level = float(np.quantile(sample, 0.9)) if sample.size else 0.0
-    return max(STANDS_OUT * level, OF_CONTRAST * float(image[::4, ::4].std()))
+    return max(STANDS_OUT * level, OF_CONTRAST * float(image[::16].std()))
 
 
 def defects(image0: NDArray[Any], image1: NDArray[Any]) -> NDArray[np.int64]:

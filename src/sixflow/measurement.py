@@ -86,7 +86,10 @@ def measure(
     masks = _masks_of_a_pair(mask)
     chosen, guess = without_guess(settings or Settings(), options)
     session = Session(chosen, masks_move=masks.moving, guess=guess)
-    frames = [session.prepare(frame, f"frame{k}", masks.at(k)) for k, frame in enumerate((frame0, frame1))]
+    frames = [
+        session.prepare(frame, f"frame{k}", masks.at(k), lasting=True)
+        for k, frame in enumerate((frame0, frame1))
+    ]
     return session.field(session.measure_pair(frames[0], frames[1], (0, 1)), [0.0], "frame")
 
 

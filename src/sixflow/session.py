@@ -9,6 +9,7 @@ import dataclasses
 import hashlib
 import math
 from collections.abc import Sequence
+from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
@@ -88,12 +89,17 @@ class Prepared:
     """
 
     frame: Frame
-    digest: bytes
+    digesting: Future[bytes]
     mean: float
     spread: float
     notes: tuple[str, ...]
     bodies: Bodies | None = None
     unlit: Frame | None = None
+
+    @property
+    def digest(self) -> bytes:
+        """SHA-256 of the raw frame."""
+        return self.digesting.result()
 
     @property
     def mask_content(self) -> bytes:
@@ -121,8 +127,21 @@ class Session:
         self.shape: tuple[int, int] | None = None
         self.constant, self.scale = 0.0, 1.0
 
-    def prepare(self, raw: ArrayLike, name: str, bodies: Bodies | None = None) -> Prepared:
-        """Check and normalise one frame; `bodies` of its mask, if there is one."""
+    def prepare(
+        self, raw: ArrayLike, name: str, bodies: Bodies | None = None, *, lasting: bool = False
+    ) -> Prepared:
+        """Check and normalise one frame.
+
+        Parameters
+        ----------
+        raw : array_like, shape (height, width)
+        name : str
+            For messages.
+        bodies : Bodies, optional
+            Of its mask, if there is one.
+        lasting : bool
+            The raw frame stays as it is until the pair is measured; a source may write the next one over it.
+        """
         array = check_frame(raw, name)
         if self.shape is None:
             self._begin(array, name)
@@ -155,7 +174,9 @@ class Session:
         if self.settings.lighting == "local":
             unlit = Frame(image, valid)
             image = flatten_lighting(image, valid, self.settings.sigma)
-        return Prepared(Frame(image, valid), digest.result(), mean, spread, notes, bodies, unlit)
+        if not lasting:
+            digest.result()
+        return Prepared(Frame(image, valid), digest, mean, spread, notes, bodies, unlit)
 
     def _begin(self, first: NDArray[Any], name: str) -> None:
         """Take shape, grid and the grey constant from the first frame."""

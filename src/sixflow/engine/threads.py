@@ -47,6 +47,12 @@ def over_strips(task: Callable[[int, int], None], rows: int, height: int) -> Non
         future.result()
 
 
+@cache
+def _other_pool(process: int) -> ThreadPoolExecutor:
+    """For tasks that last: strips must not wait behind them."""
+    return ThreadPoolExecutor(2, thread_name_prefix="sixflow-beside")
+
+
 def beside(task: Callable[[], T]) -> Future[T]:
     """Begin a task that does not hold the interpreter, such as a digest, beside what the caller does next."""
-    return _pool(os.getpid()).submit(task)
+    return _other_pool(os.getpid()).submit(task)
