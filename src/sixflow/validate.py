@@ -12,6 +12,7 @@ in u or in v. Neighbours are taken half a window away, where windows begin to se
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -145,33 +146,55 @@ def fill_failed(maps: NDArray[Any], step: int) -> NDArray[Any]:
         return maps
     if failed.all():
         return np.zeros_like(maps)
-    filled = np.where(failed, 0, maps)
-    known = ~failed
-    rows, columns = failed.shape
-    usual = np.median(maps[2:, known], axis=1)[:, None]
+    filled, known = np.where(failed, 0, maps), ~failed
+    usual = _usual_gradient(maps, known)
     while not known.all():
-        total = np.zeros_like(filled)
-        count = np.zeros(failed.shape)
-        for dj in (-1, 0, 1):
-            for di in (-1, 0, 1):
-                if dj == 0 and di == 0:
-                    continue
-                here = (slice(max(0, -dj), rows - max(0, dj)), slice(max(0, -di), columns - max(0, di)))
-                there = (slice(max(0, dj), rows - max(0, -dj)), slice(max(0, di), columns - max(0, -di)))
-                source = filled[(slice(None), *there)]
-                use = known[there]
-                for k in range(6):
-                    value = source[k]
-                    if k < 2:
-                        value = value - step * (source[2 + 2 * k] * di + source[3 + 2 * k] * dj)
-                    total[(k, *here)] += np.where(use, value, 0)
-                count[here] += use
-        reached = ~known & (count > 0)
-        filled[:, reached] = total[:, reached] / count[reached]
-        # let what is special in a guessed gradient fade with distance
-        filled[2:, reached] = usual + 0.8 * (filled[2:, reached] - usual)
-        known |= reached
+        _fill_ring(filled, known, step, usual)
     return filled
+
+
+def _usual_gradient(maps: NDArray[Any], known: NDArray[np.bool_]) -> NDArray[Any]:
+    """Median of u_x, u_y, v_x, v_y over the known points, or over a few thousand of them."""
+    stride = max(1, math.isqrt(known.size // 2048))
+    some = known[::stride, ::stride]
+    if not some.any():
+        return np.median(maps[2:, known], axis=1)
+    return np.median(maps[2:, ::stride, ::stride][:, some], axis=1)
+
+
+@kernel
+def _fill_ring(filled: NDArray[Any], known: NDArray[Any], step: int, usual: NDArray[Any]) -> None:
+    """Give the unknown points beside known ones what these predict, and mark them as known."""
+    rows, columns = known.shape
+    reached = np.zeros((rows, columns), np.bool_)
+    total = np.empty(6)
+    for j in range(rows):
+        for i in range(columns):
+            if known[j, i]:
+                continue
+            count = 0
+            total[:] = 0
+            for dj in range(-1, 2):
+                for di in range(-1, 2):
+                    y, x = j + dj, i + di
+                    if y < 0 or x < 0 or y >= rows or x >= columns or not known[y, x]:
+                        continue
+                    count += 1
+                    for k in range(6):
+                        value = filled[k, y, x]
+                        if k < 2:
+                            value -= step * (filled[2 + 2 * k, y, x] * di + filled[3 + 2 * k, y, x] * dj)
+                        total[k] += value
+            if count == 0:
+                continue
+            reached[j, i] = True
+            for k in range(6):
+                mean = total[k] / count
+                # let what is special in a guessed gradient fade with distance
+                filled[k, j, i] = mean if k < 2 else usual[k - 2] + 0.8 * (mean - usual[k - 2])
+    for j in range(rows):
+        for i in range(columns):
+            known[j, i] |= reached[j, i]
 
 
 def settle(maps: NDArray[Any], step: int, window: float, *, curved: bool = False) -> NDArray[Any]:
