@@ -19,7 +19,6 @@ from sixflow.convention.reference import SHARE
 from sixflow.engine.window import attenuation_period
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
-from sixflow.light import RegionLight
 from sixflow.lighting import confirmed
 from sixflow.method import passes_of
 from sixflow.normalise import Frame
@@ -27,6 +26,7 @@ from sixflow.passes import Quality, Workspace
 from sixflow.pieces import Start, share_failed
 from sixflow.placing import placed
 from sixflow.refine import refine
+from sixflow.region_light import RegionLight
 from sixflow.resolution import Level, choose, ladder, search_settings
 from sixflow.restriction import joined
 from sixflow.roundtrip import no_return

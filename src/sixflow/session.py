@@ -24,13 +24,13 @@ from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.field.flags import FLAGS
 from sixflow.grid import Grid
-from sixflow.light import RegionLight
 from sixflow.lighting import Change
 from sixflow.masks import Bodies
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
 from sixflow.passes import Workspace
 from sixflow.pieces import Found, Part, Start, room_to_move, share_failed, with_margin
 from sixflow.placing import masked_points, placed
+from sixflow.region_light import RegionLight
 from sixflow.replace import predictions
 from sixflow.resolution import search_settings
 from sixflow.restriction import ABSENT

@@ -1,4 +1,4 @@
-"""Light: the local mean and contrast of a body, without what lies around it.
+"""Region light: the local mean and contrast of a body, without what lies around it.
 
 With `lighting="local"` every frame is divided by its own local mean and contrast beforehand. Near the edge of a
 region of interest these would be those of the background as well, which need not move with the body. Inside the region
