@@ -13,7 +13,7 @@ from public_cases.star import ATTENUATED, PERIODS
 from sixflow.plot.look import FONT, INK, new_figure
 
 WIDTH = 7.6  # inches
-OURS = ("#1b3a57", "#2f7f79", "#c98a2b", "#a23b3b", "#6a4c93", "#4d7c0f")
+OURS = ("#1b3a57", "#2f7f79", "#c98a2b", "#a23b3b", "#6a4c93", "#4d7c0f", "#d4699e", "#3aa6dd")
 PEERS = ("#8a8a8a", "#b08d57", "#6f9bc8", "#9b86bd", "#86b886", "#cf8792")
 PEER_LINES = ("--", ":", "-.", (0, (5, 1)), (0, (1, 1)), (0, (3, 1, 1, 1)))
 PEER_MARKERS = "xs+dv^"
