@@ -9,7 +9,7 @@ from sixflow.grid import Grid
 from sixflow.normalise import NO_MASK, Frame
 from sixflow.passes import Quality
 from sixflow.settings import Settings
-from sixflow.validate import LIMIT, fill_failed, flag_points, median_outliers, settle
+from sixflow.validate import LIMIT, _islands, fill_failed, flag_points, median_outliers, settle
 
 STEP, WINDOW = 8, 31  # neighbours are asked 2 points away
 GRID = Grid(3, 3, STEP, 12, 10)
@@ -210,3 +210,16 @@ def test_border_alone_does_not_fail():
     standing = FLAGS["border"] | FLAGS["unresolved"] | FLAGS["replaced"]
     assert sum(FLAGS.values()) == FAILING | standing
     assert not FAILING & standing
+
+
+def test_small_islands_that_match_poorly_are_chance():
+    failed = np.ones((12, 12), bool)
+    failed[1:3, 1:3] = failed[1:3, 6:8] = failed[5:12, 2:12] = False
+    residual = np.full(failed.shape, 0.9)
+    residual[1:3, 6:8] = 0.2
+    chance = _islands(failed, residual, 15.0)
+    expected = np.zeros_like(failed)
+    expected[1:3, 1:3] = True  # the second matches well, the third is larger than a window
+    np.testing.assert_array_equal(chance, expected)
+    assert not _islands(np.zeros_like(failed), residual, 15.0).any()
+    assert not _islands(np.ones_like(failed), residual, 15.0).any()

@@ -259,6 +259,8 @@ def flag_points(
         flag, np.where((flag & FAILING).astype(bool), np.nan, trusted), quality, grid, settings
     )
     flag[_unsupported((flag & FAILING).astype(bool) & ~masked, masked)] |= FLAGS["outlier"]
+    failed = (flag & FAILING).astype(bool) | masked
+    flag[_islands(failed, quality.residual, (settings.window / grid.step) ** 2)] |= FLAGS["outlier"]
     flag[masked] = FLAGS["masked"]
     return flag
 
@@ -291,3 +293,21 @@ def _unsupported(failed: NDArray[np.bool_], masked: NDArray[np.bool_]) -> NDArra
         )
         counts.append(total)
     return ~failed & (counts[0] > 2 * counts[1])
+
+
+def _islands(failed: NDArray[np.bool_], residual: NDArray[Any], window: float) -> NDArray[np.bool_]:
+    """Connected points, no more than one window holds, that match poorly: they see the same pixels and confirm nothing.
+
+    `window` is the number of grid points in one.
+    """
+    if not failed.any() or failed.all():
+        return np.zeros(failed.shape, np.bool_)
+    from scipy.ndimage import label, median
+
+    number, count = label(~failed, np.ones((3, 3)))
+    every = np.arange(1, count + 1)
+    small = np.bincount(number.ravel(), minlength=count + 1)[1:] <= window
+    if not small.any():
+        return np.zeros(failed.shape, np.bool_)
+    poor = np.asarray(median(residual, number, every)) > SUSPECT_RESIDUAL
+    return np.append(False, small & poor)[number]
