@@ -9,7 +9,7 @@ from sixflow.grid import Grid
 from sixflow.normalise import NO_MASK, Frame
 from sixflow.passes import Quality
 from sixflow.settings import Settings
-from sixflow.validate import LIMIT, _islands, fill_failed, flag_points, median_outliers, settle
+from sixflow.validate import LIMIT, _collapses, _islands, fill_failed, flag_points, median_outliers, settle
 
 STEP, WINDOW = 8, 31  # neighbours are asked 2 points away
 GRID = Grid(3, 3, STEP, 12, 10)
@@ -223,3 +223,14 @@ def test_small_islands_that_match_poorly_are_chance():
     np.testing.assert_array_equal(chance, expected)
     assert not _islands(np.zeros_like(failed), residual, 15.0).any()
     assert not _islands(np.ones_like(failed), residual, 15.0).any()
+
+
+def test_maps_that_fold_the_window_are_outliers():
+    maps = np.zeros((6, 2, 2))
+    maps[2:, 0, 0] = -1.13, 0.17, -0.29, -0.4  # det F = -0.03
+    maps[2:, 0, 1] = -0.7, 0.0, 0.0, -0.7  # 0.09
+    maps[2:, 1, 0] = -2.0, 0.0, 0.0, -2.0  # half a turn
+    np.testing.assert_array_equal(_collapses(maps, "first"), [[True, False], [False, False]])
+    maps[2:, 0, 0] = 2.1, 0.0, 0.0, 0.0  # seen from the middle, frame 0 is folded
+    assert _collapses(maps, "middle")[0, 0]
+    assert not _collapses(maps, "first")[0, 0]

@@ -27,6 +27,7 @@ from sixflow.consistency import (
     median,
     stands_out,
 )
+from sixflow.convention.reference import SHARE
 from sixflow.engine.compiler import kernel
 from sixflow.engine.threads import over_strips
 from sixflow.engine.window import attenuation_period, plain_window
@@ -48,6 +49,7 @@ MAXIMUM_ERROR = 0.5  # px: a larger standard error is no measurement
 MAXIMUM_RESIDUAL = 1.0  # of a zero-normalised residual: correlation 0.5
 SUSPECT_RESIDUAL = 0.6  # enough to call a window unmatched whose texture does not rise above the residual
 MINIMUM_WEIGHT = 0.2
+LEAST_AREA = 0.05  # det F: a window that is pressed together so can match anything smooth
 TYPICAL_SHARE = 0.98
 COMPLETE_WEIGHT = 0.98
 
@@ -248,6 +250,7 @@ def flag_points(
         unlike = quality.residual > np.where(measurable, MAXIMUM_RESIDUAL, SUSPECT_RESIDUAL)
         gone = (outside & ~unknown) | (quality.weight < MINIMUM_WEIGHT) | unlike
         flag[gone] |= FLAGS["unmatched"]
+        flag[_collapses(maps, settings.reference)] |= FLAGS["outlier"]
         flag[left > np.maximum(2 * settings.tolerance, error / 2)] |= FLAGS["not_converged"]
     masked = masked_points(maps, grid, reference.valid, settings.reference)
     trusted = np.where((flag & FAILING).astype(bool) | masked, np.nan, maps)
@@ -311,3 +314,12 @@ def _islands(failed: NDArray[np.bool_], residual: NDArray[Any], window: float) -
         return np.zeros(failed.shape, np.bool_)
     poor = np.asarray(median(residual, number, every)) > SUSPECT_RESIDUAL
     return np.append(False, small & poor)[number]
+
+
+def _collapses(maps: NDArray[Any], reference: str) -> NDArray[np.bool_]:
+    """Maps that fold the window, or press it together: det F < 0.05 on the way from either frame to the point."""
+    found = np.zeros(maps.shape[1:], np.bool_)
+    for way in (1 - SHARE[reference], -SHARE[reference]):
+        determinant = (1 + way * maps[2]) * (1 + way * maps[5]) - way**2 * maps[3] * maps[4]
+        found |= determinant < LEAST_AREA
+    return found
