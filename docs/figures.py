@@ -63,11 +63,15 @@ def foreign_pixels() -> None:
         error = np.hypot(*(np.moveaxis(made.truth(x, y)[..., :2], -1, 0) - [field.u[0], field.v[0]]))
         shown = at.pcolormesh(field.x, field.y, error, cmap="viridis", vmin=0, vmax=0.2)
         at.set(aspect="equal", ylim=(side, 0), xlim=(0, side))
-        at.set_title(f"robust={robust}: error {np.nanmedian(error):.3f} px", fontsize=9)
+        at.set_facecolor("#dddddd")
+        at.set_title(f"robust={robust}: median {np.nanmedian(error):.3f} px", fontsize=9)
     for at in axes:
-        at.tick_params(labelsize=7)
-        at.set_xlabel("px", fontsize=8)
-    figure.colorbar(shown, ax=axes[1:], label="px", shrink=0.85, extend="max")
+        at.tick_params(labelsize=8)
+        at.set_xlabel("x (px)", fontsize=8)
+    axes[0].set_ylabel("y (px)", fontsize=8)
+    bar = figure.colorbar(shown, ax=axes[1:], shrink=0.85, extend="max")
+    bar.set_label("end-point error (px); grey: flagged", fontsize=8)
+    bar.ax.tick_params(labelsize=8)
     figure.savefig(IMAGES / "robust.png", dpi=150)
 
 

@@ -22,8 +22,8 @@ from sixflow.engine.window import attenuation_period, sharpening_noise, window_s
 from sixflow.field.dataset import SIX
 from sixflow.grid import Grid
 from sixflow.normalise import NO_MASK, Frame
-from sixflow.passes import Workspace
 from sixflow.synth import Affine, Motion, Sensor, Speckle, pair, render, sequence
+from sixflow.workspace import Workspace
 from sixflow.write import open_field
 
 WINDOW, STEP, NOISE, SEEDS = 31, 8, 2, range(3)

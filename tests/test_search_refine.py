@@ -9,12 +9,13 @@ from sixflow import measure
 from sixflow.engine.response import response as response_of
 from sixflow.grid import Grid
 from sixflow.normalise import NO_MASK, Frame
-from sixflow.passes import Passes, Workspace
+from sixflow.passes import Passes
 from sixflow.refine import refine
 from sixflow.search.pyramid import finer, level_count, pyramid
 from sixflow.settings import Settings
 from sixflow.sharpen import UniformWindow
 from sixflow.synth import Affine, Sensor, Speckle, pair
+from sixflow.workspace import Workspace
 
 
 def frames_of(made, dtype=np.float64):

@@ -7,7 +7,7 @@ import naive
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
 from sixflow.normalise import NO_MASK, Frame
-from sixflow.passes import Quality
+from sixflow.quality import Quality
 from sixflow.settings import Settings
 from sixflow.validate import LIMIT, _collapses, _islands, fill_failed, flag_points, median_outliers, settle
 

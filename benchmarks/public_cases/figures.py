@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, cast
 
-import numpy as np
 from matplotlib.figure import Figure
-from PIL import Image
 
 from public_cases.curves import draw_bias, draw_errors, draw_profiles, draw_star
 from public_cases.maps import draw_maps
@@ -42,15 +39,6 @@ def draw_figures(
     for name, chosen in sets.items():
         draw, caption = SPECIAL.get(name, (draw_maps, "End-point error."))
         file = f"public-{name}.png"
-        _save(draw(chosen, ours, peers), folder / file)
+        draw(chosen, ours, peers).savefig(folder / file, dpi=DPI)
         drawn[name] = (file, caption)
     return drawn
-
-
-def _save(figure: Figure, path: Path) -> None:
-    """Save as PNG with a palette of 128 colours: a third of the size, and no difference to be seen."""
-    canvas = cast(Any, figure.canvas)
-    figure.set_dpi(DPI)
-    canvas.draw()
-    picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-    picture.quantize(128, dither=Image.Dither.NONE).save(path, optimize=True, dpi=(DPI, DPI))

@@ -22,9 +22,9 @@ from sixflow.grid import Grid
 from sixflow.lighting import confirmed
 from sixflow.method import passes_of
 from sixflow.normalise import Frame
-from sixflow.passes import Quality, Workspace
 from sixflow.pieces import Start, share_failed
 from sixflow.placing import placed
+from sixflow.quality import Quality
 from sixflow.refine import refine
 from sixflow.region_light import RegionLight
 from sixflow.resolution import Level, choose, ladder, search_settings
@@ -34,6 +34,7 @@ from sixflow.search.growth import Judged, Scene, extrapolated
 from sixflow.search.stage import find_motion
 from sixflow.settings import Settings
 from sixflow.validate import flag_points, settle
+from sixflow.workspace import Workspace
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,7 +14,6 @@ fit, whatever U was, and noise does not grow with passes.
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,6 @@ from numpy.typing import NDArray
 from sixflow.engine.blend import twist_of
 from sixflow.engine.moments import moments_strip, sandwich_strip, statistics_strip
 from sixflow.engine.solve import (
-    FEEDBACK_STEP,
     covariance_strip,
     explained_strip,
     noise_feedback,
@@ -38,9 +36,11 @@ from sixflow.engine.weigh import NEGLIGIBLE, apply_weights, find_weights, weighi
 from sixflow.engine.window import moment_weights, sharpening_noise
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
+from sixflow.quality import Quality, Seen, feedback_scale
 from sixflow.restriction import ABSENT, allowed, confined, joined, maps_of, projection, unknowns
 from sixflow.settings import Settings
 from sixflow.validate import MINIMUM_TEXTURE, MINIMUM_WEIGHT
+from sixflow.workspace import Workspace
 
 STRIP = 64
 GRID_STRIP = 16
@@ -54,70 +54,6 @@ LONG_TAIL = (
     1.3  # mean square residual over that of a Gaussian of the same mean size: foreign pixels (noise: ± 0.03)
 )
 TRUSTED_RESIDUAL = 0.6  # zero-normalised (correlation 0.82), for a start that finer levels build upon
-
-
-class Workspace:
-    """Arrays that passes write into, kept from pass to pass and from pair to pair."""
-
-    def __init__(self) -> None:
-        self._arrays: dict[str, NDArray[Any]] = {}
-
-    def array(self, name: str, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
-        """Return an uninitialised array, the same one as the last time if it fits."""
-        size = math.prod(shape)
-        stored = self._arrays.get(name)
-        if stored is None or stored.size < size or stored.dtype != dtype:
-            stored = self._arrays[name] = np.empty(size, dtype)
-        return stored[:size].reshape(shape)
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes held."""
-        return sum(a.nbytes for a in self._arrays.values())
-
-
-@dataclasses.dataclass(frozen=True)
-class Quality:
-    """What the last pass says about every grid point.
-
-    Attributes
-    ----------
-    covariance : array, shape (rows, columns, 6, 6)
-        Of the six numbers; NaN where the texture does not rise above the noise.
-    texture : array, shape (rows, columns)
-        Signal-to-noise ratio (power) of the gradient in the window's weakest direction.
-    weight : array, shape (rows, columns)
-        Share of the window's weight on pixels that have a partner, 0 to 1.
-    residual : array, shape (rows, columns)
-        Zero-normalised residual: rms difference / rms contrast of the reference.
-    noise : array, shape (rows, columns)
-        Standard deviation of one frame's noise, from the mean absolute residual.
-    rho : array, shape (rows, columns)
-        What noise adds to the gradients' squares, over what the texture gives them.
-    minimum_texture : float
-        Texture below which the covariance is not to be trusted.
-    partner : array, shape (rows, columns), or None
-        As `weight`, with the pixels that were left out as foreign; None where no pixels were weighed.
-    foreign, foreign_centre : array, shape (rows, columns), or None
-        Share of the window's weight, and of that of a window of half the size, that foreign pixels lost.
-    light : array, shape (rows, columns, 2), or None
-        Gain and offset of each window's light from the reference to the moved frame; None where none was allowed.
-    held : bool array, shape (rows, columns), or None
-        Points that sharpening left as they were.
-    """
-
-    covariance: NDArray[Any]
-    texture: NDArray[Any]
-    weight: NDArray[Any]
-    residual: NDArray[Any]
-    noise: NDArray[Any]
-    rho: NDArray[Any]
-    minimum_texture: float = MINIMUM_TEXTURE
-    partner: NDArray[Any] | None = None
-    foreign: NDArray[Any] | None = None
-    foreign_centre: NDArray[Any] | None = None
-    light: NDArray[Any] | None = None
-    held: NDArray[np.bool_] | None = None
 
 
 class Passes:
@@ -512,25 +448,6 @@ class Passes:
         return noise_gradient, texture, rho
 
 
-@dataclasses.dataclass(frozen=True)
-class Seen:
-    """What a pass saw in every window; arrays of shape (rows, columns).
-
-    weight with a partner; noise of one frame; zero-normalised residual; the share of Σ w r² that the
-    pass's own update left; what noise adds to Σ w g_x²; texture and rho of `solve.texture_strip`; mean
-    square of the residual over that of a Gaussian of the same mean size (None: not known).
-    """
-
-    weight: NDArray[Any]
-    noise: NDArray[Any]
-    residual: NDArray[Any]
-    left: NDArray[Any]
-    noise_gradient: NDArray[Any]
-    texture: NDArray[Any]
-    rho: NDArray[Any]
-    tail: NDArray[Any] | None = None
-
-
 def shrunk_noise(maps: NDArray[Any]) -> NDArray[np.float64]:
     """Factor on the power of the residual's noise where the moved frame is smaller; shape (rows, columns).
 
@@ -540,13 +457,6 @@ def shrunk_noise(maps: NDArray[Any]) -> NDArray[np.float64]:
     area = (1 + maps[2]) * (1 + maps[5]) - maps[3] * maps[4]
     with np.errstate(divide="ignore"):
         return (1 + np.nan_to_num(np.clip(1 / np.abs(area), 1, 16), nan=1.0)) / 2
-
-
-def feedback_scale(rho: NDArray[Any]) -> NDArray[np.float64]:
-    """Factors of the six numbers' standard errors by the noise's feedback (`solve.noise_feedback`); (…, 6)."""
-    entry = np.clip(np.nan_to_num(rho) / FEEDBACK_STEP, 0, noise_feedback().shape[1] - 1)
-    displacement, gradient = noise_feedback()[:, entry.astype(int)]
-    return np.stack([displacement] * 2 + [gradient] * 4, axis=-1)
 
 
 def _mean_plane(maps: NDArray[Any], grid: Grid) -> NDArray[np.float64]:

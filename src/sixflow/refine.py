@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.passes import Passes, Quality
+from sixflow.passes import Passes
+from sixflow.quality import Quality
 from sixflow.sharpen import sharpen
 from sixflow.validate import TYPICAL_SHARE, settle, typical
 

@@ -49,7 +49,7 @@ from sixflow.engine.response import response
 from sixflow.engine.window import attenuation_period
 from sixflow.field.flags import FAILING
 from sixflow.grid import Grid
-from sixflow.passes import Quality
+from sixflow.quality import Quality
 from sixflow.settings import Settings
 
 LADDER = (8, 11, 16, 22, 31, 44, 62)

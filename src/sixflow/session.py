@@ -27,7 +27,6 @@ from sixflow.grid import Grid
 from sixflow.lighting import Change
 from sixflow.masks import Bodies
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
-from sixflow.passes import Workspace
 from sixflow.pieces import Found, Part, Start, room_to_move, share_failed, with_margin
 from sixflow.placing import masked_points, placed
 from sixflow.region_light import RegionLight
@@ -38,6 +37,7 @@ from sixflow.search.guess import Guess, maps_of_guess
 from sixflow.settings import Settings
 from sixflow.trajectory import Motion, one_frames_share
 from sixflow.version import __version__
+from sixflow.workspace import Workspace
 
 FAILED = 0.5  # share of a body's points that have to fail near where it was, before it is sought in the whole frame
 

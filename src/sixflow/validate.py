@@ -30,6 +30,7 @@ from sixflow.consistency import (
 from sixflow.convention.reference import SHARE
 from sixflow.engine.compiler import kernel
 from sixflow.engine.threads import over_strips
+from sixflow.engine.warp import LEAST_AREA
 from sixflow.engine.window import attenuation_period, plain_window
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
@@ -38,7 +39,7 @@ from sixflow.placing import leaves, masked_points
 from sixflow.settings import Settings
 
 if TYPE_CHECKING:
-    from sixflow.passes import Quality
+    from sixflow.quality import Quality
 
 LIMIT = 3.0
 FLOOR = 0.1  # px: disagreement that is never held against a point
@@ -49,7 +50,6 @@ MAXIMUM_ERROR = 0.5  # px: a larger standard error is no measurement
 MAXIMUM_RESIDUAL = 1.0  # of a zero-normalised residual: correlation 0.5
 SUSPECT_RESIDUAL = 0.6  # enough to call a window unmatched whose texture does not rise above the residual
 MINIMUM_WEIGHT = 0.2
-LEAST_AREA = 0.05  # det F: a window that is pressed together so can match anything smooth
 TYPICAL_SHARE = 0.98
 COMPLETE_WEIGHT = 0.98
 
@@ -317,7 +317,9 @@ def _islands(failed: NDArray[np.bool_], residual: NDArray[Any], window: float) -
 
 
 def _collapses(maps: NDArray[Any], reference: str) -> NDArray[np.bool_]:
-    """Maps that fold the window, or press it together: det F < 0.05 on the way from either frame to the point."""
+    """Maps that fold the window, or press it together so that it matches anything smooth: det F < 0.05 on the way from
+    either frame to the point.
+    """
     found = np.zeros(maps.shape[1:], np.bool_)
     for way in (1 - SHARE[reference], -SHARE[reference]):
         determinant = (1 + way * maps[2]) * (1 + way * maps[5]) - way**2 * maps[3] * maps[4]

@@ -31,9 +31,11 @@ from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
 from sixflow.grid import Grid
 from sixflow.normalise import Frame, both_valid
-from sixflow.passes import Passes, Seen, Workspace, feedback_scale
+from sixflow.passes import Passes
+from sixflow.quality import Seen, feedback_scale
 from sixflow.restriction import inverse, maps_of, unknowns
 from sixflow.settings import Settings
+from sixflow.workspace import Workspace
 
 _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2), (2, 1), (1, 2), (2, -1), (1, -2))
 """One of each pair ±δ of positions whose noise is counted as shared; further ones share too little to matter."""

@@ -45,7 +45,8 @@ DERIVATIVE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
 HALO = len(DERIVATIVE)
 _D1, _D2, _D3, _D4 = DERIVATIVE
 _PAD = PAD
-_LEAST_AREA = 0.05  # of det F
+LEAST_AREA = 0.05
+"""det F of a map that does not press the window together."""
 
 
 @kernel
@@ -343,7 +344,7 @@ def _along_moved_axes(
     one = plane.dtype.type(1)
     F_xx, F_xy, F_yx, F_yy = one + plane[2] + u_x, plane[3] + u_y, plane[4] + v_x, one + plane[5] + v_y
     area = F_xx * F_yy - F_xy * F_yx
-    sound = area > plane.dtype.type(_LEAST_AREA)
+    sound = area > plane.dtype.type(LEAST_AREA)
     inverse = one / (area if sound else one)
     g_x, g_y = target_x[x], target_y[x]
     target_x[x] = (F_yy * g_x - F_yx * g_y) * inverse if sound else g_x

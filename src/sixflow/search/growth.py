@@ -29,7 +29,7 @@ from sixflow.engine.window import CUT, window_sigma
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
-from sixflow.passes import Quality
+from sixflow.quality import Quality
 from sixflow.validate import fill_failed
 
 ROUNDS = 12

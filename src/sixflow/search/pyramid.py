@@ -20,10 +20,10 @@ from sixflow.engine.threads import over_strips
 from sixflow.grid import Grid
 from sixflow.method import passes_of
 from sixflow.normalise import Frame
-from sixflow.passes import Workspace
 from sixflow.search.shift import common_shift
 from sixflow.settings import Settings
 from sixflow.validate import settle, typical
+from sixflow.workspace import Workspace
 
 LEVEL_PASSES = 4
 SETTLED = 0.1  # px of the level: the next level corrects what is left

@@ -27,11 +27,11 @@ from numpy.typing import NDArray
 
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
-from sixflow.passes import Workspace
 from sixflow.search.growth import Judged, Scene, grown
 from sixflow.search.plane import Plane, find_plane
 from sixflow.search.pyramid import pyramid
 from sixflow.settings import Settings
+from sixflow.workspace import Workspace
 
 MISSED = 0.03  # share of the points
 LOST = 0.1

@@ -1,0 +1,82 @@
+"""Quality: what a pass sees of every window, and what the last one says of every point."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.solve import FEEDBACK_STEP, noise_feedback
+from sixflow.validate import MINIMUM_TEXTURE
+
+
+@dataclasses.dataclass(frozen=True)
+class Quality:
+    """What the last pass says about every grid point.
+
+    Attributes
+    ----------
+    covariance : array, shape (rows, columns, 6, 6)
+        Of the six numbers; NaN where the texture does not rise above the noise.
+    texture : array, shape (rows, columns)
+        Signal-to-noise ratio (power) of the gradient in the window's weakest direction.
+    weight : array, shape (rows, columns)
+        Share of the window's weight on pixels that have a partner, 0 to 1.
+    residual : array, shape (rows, columns)
+        Zero-normalised residual: rms difference / rms contrast of the reference.
+    noise : array, shape (rows, columns)
+        Standard deviation of one frame's noise, from the mean absolute residual.
+    rho : array, shape (rows, columns)
+        What noise adds to the gradients' squares, over what the texture gives them.
+    minimum_texture : float
+        Texture below which the covariance is not to be trusted.
+    partner : array, shape (rows, columns), or None
+        As `weight`, with the pixels that were left out as foreign; None where no pixels were weighed.
+    foreign, foreign_centre : array, shape (rows, columns), or None
+        Share of the window's weight, and of that of a window of half the size, that foreign pixels lost.
+    light : array, shape (rows, columns, 2), or None
+        Gain and offset of each window's light from the reference to the moved frame; None where none was allowed.
+    held : bool array, shape (rows, columns), or None
+        Points that sharpening left as they were.
+    """
+
+    covariance: NDArray[Any]
+    texture: NDArray[Any]
+    weight: NDArray[Any]
+    residual: NDArray[Any]
+    noise: NDArray[Any]
+    rho: NDArray[Any]
+    minimum_texture: float = MINIMUM_TEXTURE
+    partner: NDArray[Any] | None = None
+    foreign: NDArray[Any] | None = None
+    foreign_centre: NDArray[Any] | None = None
+    light: NDArray[Any] | None = None
+    held: NDArray[np.bool_] | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Seen:
+    """What a pass saw in every window; arrays of shape (rows, columns).
+
+    weight with a partner; noise of one frame; zero-normalised residual; the share of Σ w r² that the
+    pass's own update left; what noise adds to Σ w g_x²; texture and rho of `solve.texture_strip`; mean
+    square of the residual over that of a Gaussian of the same mean size (None: not known).
+    """
+
+    weight: NDArray[Any]
+    noise: NDArray[Any]
+    residual: NDArray[Any]
+    left: NDArray[Any]
+    noise_gradient: NDArray[Any]
+    texture: NDArray[Any]
+    rho: NDArray[Any]
+    tail: NDArray[Any] | None = None
+
+
+def feedback_scale(rho: NDArray[Any]) -> NDArray[np.float64]:
+    """Factors of the six numbers' standard errors by the noise's feedback (`solve.noise_feedback`); (…, 6)."""
+    entry = np.clip(np.nan_to_num(rho) / FEEDBACK_STEP, 0, noise_feedback().shape[1] - 1)
+    displacement, gradient = noise_feedback()[:, entry.astype(int)]
+    return np.stack([displacement] * 2 + [gradient] * 4, axis=-1)
