@@ -89,6 +89,11 @@ def test_quiet_shows_no_progress(capsys, monkeypatch):
     assert capsys.readouterr().err == ""
 
 
+def heed_interrupts():
+    """What a shell does not give to its background jobs, these tests among them."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 def start(*arguments):
     """Start a recording, and return its process once the first pairs are safe."""
     process = subprocess.Popen(
@@ -96,6 +101,7 @@ def start(*arguments):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=heed_interrupts,
     )
     for _ in range(5000):
         if os.path.exists("field.nc.partial/progress.json") or process.poll() is not None:
