@@ -91,7 +91,7 @@ def defects(image0: NDArray[Any], image1: NDArray[Any]) -> NDArray[np.int64]:
         height,
         _STRIP,
     )
-    y, x = np.nonzero(found)
+    y, x = np.nonzero(found) if found.any() else (np.empty(0, np.int64),) * 2
     for image in (image0, image1):
         if not len(y):
             break

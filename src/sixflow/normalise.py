@@ -16,9 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from sixflow.engine.fir import downsample, filter_separable
 from sixflow.engine.spline import spline_coefficients
+from sixflow.engine.threads import over_strips
 from sixflow.engine.window import CUT
 from sixflow.errors import InputError
 
+_STRIP = 64
 _COVERED = 1e-3  # share of the Gaussian that has to lie in a region for its light to be known
 
 NO_MASK = np.empty((0, 0), dtype=np.uint8)
@@ -129,7 +131,12 @@ def to_image(
 ) -> tuple[NDArray[Any], NDArray[np.uint8], int]:
     """Return (image less the constant, times the scale; validity; number of pixels without a value)."""
     if scale == 1:
-        image = np.subtract(frame, constant, dtype=dtype, order="C")
+        image: NDArray[Any] = np.empty(frame.shape, dtype)
+        over_strips(
+            lambda a, b: np.subtract(frame[a:b], constant, out=image[a:b], dtype=dtype),
+            len(frame),
+            _STRIP,
+        )
     else:
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows has no value
             image = np.multiply(np.subtract(frame, constant, dtype=np.float64), scale, order="C").astype(
