@@ -21,6 +21,7 @@ def kernel(function: Kernel) -> Kernel:
     """Compile `function` on first use for the types it meets, and keep the machine code on disk."""
     compiled = numba.njit(nogil=True, cache=True, fastmath=_FAST, error_model="numpy")(function)
     _stamp_with_all_sources(compiled)
+    _compile_once_for_constants(compiled)
     _KERNELS.append(compiled)
     return cast(Kernel, compiled)
 
@@ -41,6 +42,19 @@ def _stamp_with_all_sources(compiled: Any) -> None:
     stamp = getattr(file, "_source_stamp", None)
     if file is not None and stamp is not None:
         file._source_stamp = (stamp, _sources_stamp())
+
+
+def _compile_once_for_constants(compiled: Any) -> None:
+    """Let a kernel that calls this one with a constant share the machine code for any value of its type.
+
+    Numba would compile it again for every such constant.
+    """
+    template = getattr(compiled, "get_call_template", None)
+    if template is not None:
+        compiled.get_call_template = lambda args, kws: template(
+            tuple(numba.types.unliteral(a) for a in args),
+            {name: numba.types.unliteral(a) for name, a in kws.items()},
+        )
 
 
 def compiled_now() -> int:
