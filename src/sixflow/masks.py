@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeAlias, cast
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
 
 from sixflow.errors import InputError
 
@@ -78,7 +78,7 @@ class Bodies:
                 f"{name} is False everywhere: nothing is left to measure; True marks the region of interest"
             )
         if array.dtype.kind == "b":
-            labels = ndimage.label(array, _ALL_AROUND)[0].astype(np.int32)
+            labels = scipy.ndimage.label(array, _ALL_AROUND)[0].astype(np.int32)
         else:
             if array.min() < 0 or array.max() > np.iinfo(np.int32).max:
                 raise InputError(
@@ -89,7 +89,7 @@ class Bodies:
         numbers = np.unique(labels)
         numbers = numbers[numbers > 0]
         compact = np.where(labels > 0, np.searchsorted(numbers, labels) + 1, 0)
-        boxes = dict(zip(numbers.tolist(), ndimage.find_objects(compact), strict=True))
+        boxes = dict(zip(numbers.tolist(), scipy.ndimage.find_objects(compact), strict=True))
         clear = _clear(labels) if len(boxes) > 1 else None
         content = labels if len(boxes) > 1 else (labels != 0).astype(np.uint8)
         return cls(labels, array.dtype.kind != "b", clear, boxes, content.tobytes())
@@ -102,9 +102,9 @@ class Bodies:
 
 def _clear(labels: NDArray[np.int32]) -> NDArray[np.bool_]:
     side = 2 * REACH + 1
-    highest = ndimage.maximum_filter(labels, side, mode="nearest")
+    highest = scipy.ndimage.maximum_filter(labels, side, mode="nearest")
     nothing = np.iinfo(np.int32).max
-    lowest = ndimage.minimum_filter(np.where(labels == 0, nothing, labels), side, mode="nearest")
+    lowest = scipy.ndimage.minimum_filter(np.where(labels == 0, nothing, labels), side, mode="nearest")
     clear: NDArray[np.bool_] = (highest == labels) & (lowest == labels)
     return clear
 

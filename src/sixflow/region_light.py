@@ -15,8 +15,8 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from sixflow.engine.hermite import HermiteSurface
 from sixflow.grid import Grid
@@ -93,5 +93,7 @@ class RegionLight:
         )
         u, v = surface.on_grid(x, y)
         places = np.stack([y[:, None] - v, x - u])
-        carried: NDArray[np.float64] = ndimage.map_coordinates(self.inside.astype(float), places, order=1)
+        carried: NDArray[np.float64] = scipy.ndimage.map_coordinates(
+            self.inside.astype(float), places, order=1
+        )
         return carried

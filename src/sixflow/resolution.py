@@ -41,8 +41,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.engine.response import response
@@ -182,8 +182,8 @@ def risks(levels: list[Level], grid: Grid) -> Array:
 def _mean(values: Array, known: NDArray[np.bool_], reach: float) -> Array:
     """Gaussian mean over the known values about every point; NaN where there are none."""
     known = known & np.isfinite(values)
-    weight = gaussian_filter(known.astype(np.float64), reach, mode="constant")
-    total = gaussian_filter(np.where(known, values, 0.0), reach, mode="constant")
+    weight = scipy.ndimage.gaussian_filter(known.astype(np.float64), reach, mode="constant")
+    total = scipy.ndimage.gaussian_filter(np.where(known, values, 0.0), reach, mode="constant")
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(weight > 1e-6, total / weight, np.nan)
 
@@ -265,7 +265,9 @@ class _Mix:
 def _smooth(best: NDArray[np.intp], levels: list[Level], grid: Grid) -> Array:
     """Mean level about every point, each level over a quarter of its period."""
     shares = [
-        gaussian_filter((best == k).astype(np.float64), level.period / 4 / grid.step, mode="nearest")
+        scipy.ndimage.gaussian_filter(
+            (best == k).astype(np.float64), level.period / 4 / grid.step, mode="nearest"
+        )
         for k, level in enumerate(levels)
     ]
     return np.sum([k * share for k, share in enumerate(shares)], axis=0) / np.sum(shares, axis=0)
