@@ -63,7 +63,7 @@ def test_files_are_what_they_are_said_to_be(result, folder):
 
 
 def test_files_are_replaced_only_if_allowed(result, folder):
-    with pytest.raises(FieldFileError, match=r"frames\.tif, field\.nc, .*--overwrite"):
+    with pytest.raises(FieldFileError, match=r"holds frames\.tif and 3 more already.*--overwrite"):
         run_demo(folder / "new")
 
 

@@ -19,7 +19,8 @@ from sixflow.convention import six_from_gradient
 from sixflow.errors import FieldFileError, InputError
 from sixflow.field.dataset import SIX
 from sixflow.plot import plot_arrows, plot_field, plot_glyphs, plot_map
-from sixflow.plot.look import FAILED_FACE, MASKED_FACE, power_of_ten, signed_limit, with_power
+from sixflow.plot.look import FAILED_FACE, MASKED_FACE, new_figure, power_of_ten, signed_limit, with_power
+from sixflow.plot.saving import save_figure
 from test_accessor import make_field, rotation, spoil
 
 Array = np.ndarray[Any, Any]
@@ -268,3 +269,28 @@ def test_refusals(field: xr.Dataset, ax: Axes, call: Callable[[Any, Any], Any], 
 def test_a_figure_that_cannot_be_saved(field: xr.Dataset, tmp_path: Any) -> None:
     with pytest.raises(FieldFileError, match=r"cannot be saved as .*field\.png"):
         plot_field(field, path=tmp_path / "no such folder" / "field.png")
+
+
+def test_a_figure_appears_whole_or_not_at_all(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "figure.png"
+    figure = new_figure(1, 1)
+    save_figure(figure, path)
+    earlier = path.read_bytes()
+    assert earlier[:4] == b"\x89PNG"
+
+    def stops_half_way(self: Any, target: Any, **options: Any) -> None:
+        target.write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Figure, "savefig", stops_half_way)
+    with pytest.raises(FieldFileError, match="No space left"):
+        save_figure(figure, path)
+    assert path.read_bytes() == earlier
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_figure_needs_a_format(tmp_path: Any) -> None:
+    for name in ("figure", "figure.field"):
+        with pytest.raises(InputError, match=r"end it in \.png"):
+            save_figure(new_figure(1, 1), tmp_path / name)
+    assert not list(tmp_path.iterdir())

@@ -18,7 +18,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import os
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -29,7 +28,6 @@ import tifffile
 import xarray as xr
 from numpy.typing import NDArray
 
-from sixflow.errors import FieldFileError
 from sixflow.field.dataset import SIX
 from sixflow.frames import FrameSource, open_frames
 from sixflow.measurement import iterate_sequence, join_fields, measure
@@ -39,6 +37,7 @@ from sixflow.settings import Settings
 from sixflow.synth import FrameSequence, LambOseen, Sensor, Speckle, sequence
 from sixflow.synth.motions.base import Motion
 from sixflow.write import write_field
+from sixflow.write.folder import staged_files
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -172,9 +171,8 @@ def run_demo(
     FieldFileError
         If a file is in the way, or the folder cannot be made or written to.
     """
-    folder = _prepare(Path(folder), overwrite)
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".partial-") as partial:
-        place = Path(partial)
+    folder = Path(folder).expanduser()
+    with staged_files(folder, tuple(FILES), overwrite) as place:
         made = sequence(PATTERN, MOTION, SHAPE, PAIRS + 1, sensor=CAMERA)
         tifffile.imwrite(place / "frames.tif", made.frames, photometric="minisblack")
         field, seconds = _measure(open_frames(place / "frames.tif"), progress)
@@ -182,8 +180,6 @@ def run_demo(
         write_field(field, place / "field.nc")
         plot_field(field, made.frames[0], path=place / "field.png", title="A vortex carried by a stream")
         draw_comparison(field, truth, place / "truth.png")
-        for name in FILES:
-            os.replace(place / name, folder / name)
     known = field.sixflow.valid
     return DemoResult(
         shape=SHAPE,
@@ -195,23 +191,6 @@ def run_demo(
         rows=compare(field, truth),
         files={folder / name: what for name, what in FILES.items()},
     )
-
-
-def _prepare(folder: Path, overwrite: bool) -> Path:
-    """Make the folder, and refuse to replace files that nobody allowed to replace."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FieldFileError(f"{folder}: cannot be made ({error.strerror}); choose another folder") from error
-    if not os.access(folder, os.W_OK):
-        raise FieldFileError(f"{folder}: cannot be written to; choose another folder")
-    present = [name for name in FILES if (folder / name).exists()]
-    if present and not overwrite:
-        raise FieldFileError(
-            f"{folder}: holds {', '.join(present)} already; replace them with overwrite=True (--overwrite), "
-            "or choose another folder"
-        )
-    return folder
 
 
 def _measure(frames: FrameSource, progress: Callable[[], None] | None) -> tuple[xr.Dataset, float]:

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from sixflow.eigenfilters.bank import FilterBank
-from sixflow.errors import FieldFileError, InputError
 from sixflow.plot.look import FONT, INK, SIGNED_MAP, new_figure
+from sixflow.plot.saving import save_figure
 
 _WIDTH = 7.6  # inches: two columns of a journal
 
@@ -44,7 +44,7 @@ def draw_bank(bank: FilterBank, path: str | os.PathLike[str] | None = None) -> F
             ax.add_patch(_frame(left - 0.5, n))
         ax.set_title(_caption(bank, index), fontsize=FONT - 1, color=INK, pad=2)
     if path is not None:
-        _save(figure, path)
+        save_figure(figure, path)
     return figure
 
 
@@ -63,12 +63,3 @@ def _short(value: float) -> str:
 
 def _frame(left: float, size: int) -> Rectangle:
     return Rectangle((left, -0.5), size, size, fill=False, edgecolor="#9a9a9a", linewidth=0.4)
-
-
-def _save(figure: Figure, path: str | os.PathLike[str]) -> None:
-    try:
-        figure.savefig(path, dpi=300)
-    except ValueError as error:
-        raise InputError(f"path={os.fspath(path)!r}: {error}; end it in .png, .pdf or .svg") from error
-    except OSError as error:
-        raise FieldFileError(f"the picture cannot be saved as {os.fspath(path)!r}: {error}") from error

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from sixflow.gallery.deformations import draw_derivatives, draw_trajectories
+from sixflow.gallery.deformations import draw_derivatives, draw_generators
 from sixflow.gallery.kernels import (
     CURL,
     DIVERGENCE,
@@ -87,7 +87,7 @@ CATALOGUE: tuple[Entry, ...] = (
         name="figure-03-trajectories",
         label="Figure 3",
         title="Trajectories of the six one-parameter groups",
-        draw=draw_trajectories,
+        draw=draw_generators,
         formula="<i>x</i>′ = exp(<i>τL</i>) <i>x</i> (4)",
         caption="The ways of points as <i>τ</i> grows, for the pairs {<i>L<sub>x</sub></i>, <i>L<sub>y</sub></i>}, "
         "{<i>L<sub>s</sub></i>, <i>L<sub>r</sub></i>}, {<i>L<sub>b</sub></i>, <i>L<sub>B</sub></i>}. Arrowheads stand "

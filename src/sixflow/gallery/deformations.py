@@ -77,14 +77,14 @@ def _draw_grid(ax: Axes, generator: Generator) -> None:
             ax.plot(*generator.flow(TAU, *line), color=AFTER, linewidth=0.8)
 
 
-def draw_trajectories() -> Figure:
+def draw_generators() -> Figure:
     """Figure 3: trajectories of the six one-parameter groups, two by two as in the paper."""
     figure = new_figure(WIDTH, 5.5)
     axes: Any = figure.subplots(2, 3, sharex=True, sharey=True)
     columns = ((L_x, L_y), (L_s, L_r), (L_b, L_B))
     for pair, column in zip(columns, axes.T, strict=True):
         for generator, ax in zip(pair, column, strict=True):
-            _draw_trajectories(ax, generator)
+            _draw_generator(ax, generator)
             letter = generator.symbol[-1]
             plane(ax, HALF, rf"$\mathcal{{L}}_{letter}$  {_MEANING[generator]}")
     _draw_printed(axes[1, 2])
@@ -120,7 +120,7 @@ def _seeds(generator: Generator) -> Real:
     return (directions[:, None] * distances[:, None]).reshape(-1, 2)
 
 
-def _draw_trajectories(ax: Axes, generator: Generator) -> None:
+def _draw_generator(ax: Axes, generator: Generator) -> None:
     """Curves exp(τL) x through the seeds, with arrowheads at equal steps of τ."""
     step, count = _STEP[generator], 6
     tau = np.linspace(-count, count, 40 * count + 1) * step

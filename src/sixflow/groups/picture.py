@@ -13,10 +13,11 @@ from matplotlib.patches import FancyArrowPatch
 from matplotlib.path import Path
 
 from sixflow.convention._checks import Array
-from sixflow.errors import FieldFileError, InputError
+from sixflow.errors import InputError
 from sixflow.groups.group import Group
 from sixflow.groups.trajectories import trajectory
 from sixflow.plot.look import ARROW, FONT, INK, new_figure
+from sixflow.plot.saving import save_figure
 
 _PANEL = 1.9  # inches: four of them are two columns of a journal
 _GRID = np.linspace(-0.75, 0.75, 7)
@@ -47,7 +48,7 @@ def draw(group: Group, motions: Array, path: str | os.PathLike[str] | None) -> F
         else:
             ax.set_axis_off()
     if path is not None:
-        _save(figure, path)
+        save_figure(figure, path)
     return figure
 
 
@@ -89,12 +90,3 @@ def _formula(group: Group, motion: Array) -> str:
         return rf"$\mathcal{{L}}_{{{terms[0][1]}}}$ {name}"
     signed = [rf"{value:+.2g}\,\mathcal{{L}}_{{{index}}}" for value, index in terms]
     return f"${''.join(signed).removeprefix('+')}$"
-
-
-def _save(figure: Figure, path: str | os.PathLike[str]) -> None:
-    try:
-        figure.savefig(path, dpi=300)
-    except ValueError as error:
-        raise InputError(f"path={os.fspath(path)!r}: {error}; end it in .png, .pdf or .svg") from error
-    except OSError as error:
-        raise FieldFileError(f"the picture cannot be saved as {os.fspath(path)!r}: {error}") from error

@@ -11,13 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from sixflow.errors import FieldFileError, InputError
 from sixflow.field.dataset import SIX
 from sixflow.plot.arrows import draw_arrows
 from sixflow.plot.glyphs import draw_glyphs
 from sixflow.plot.look import FONT, INK, new_figure
 from sixflow.plot.maps import draw_map
 from sixflow.plot.missing import legend_handles
+from sixflow.plot.saving import save_figure
 from sixflow.plot.view import Units, View
 
 _WIDTH = 7.6  # inches: two columns of a journal
@@ -98,7 +98,7 @@ def plot_field(
     if title is not None:
         figure.suptitle(title, fontsize=FONT + 3, color=INK)
     if path is not None:
-        _save(figure, path)
+        save_figure(figure, path)
     return figure
 
 
@@ -117,12 +117,3 @@ def _layout(view: View, columns: int) -> tuple[Figure, list[Axes]]:
     panels: list[Axes] = [figure.add_subplot(upper[0, k]) for k in range(2)]
     panels += [figure.add_subplot(lower[k // columns, k % columns]) for k in range(rows * columns)]
     return figure, panels
-
-
-def _save(figure: Figure, path: str | os.PathLike[str]) -> None:
-    try:
-        figure.savefig(path, dpi=300)
-    except ValueError as error:
-        raise InputError(f"path={os.fspath(path)!r}: {error}; end it in .png, .pdf or .svg") from error
-    except OSError as error:
-        raise FieldFileError(f"the figure cannot be saved as {os.fspath(path)!r}: {error}") from error

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sixflow.errors import FieldFileError, InputError
 from sixflow.plot.look import ARROW, FONT, INK, MASKED_FACE, new_figure
+from sixflow.plot.saving import save_figure
 from sixflow.scenes._checks import Array, numbers, require, require_kind
 from sixflow.scenes.calibration import Calibration
 from sixflow.scenes.eight import six_matrix
@@ -93,7 +93,7 @@ def draw_calibration(
         )
         _shade_unseen(axes, calibration, rows, columns)
     if path is not None:
-        _save(figure, path)
+        save_figure(figure, path)
     return figure
 
 
@@ -122,12 +122,3 @@ def _shade_unseen(axes: Axes, calibration: Calibration, rows: float, columns: fl
     seen = calibration.plane.sees(calibration.camera, x, y)
     if not seen.all():
         axes.contourf(x, y, seen.astype(float), levels=(-0.5, 0.5), colors=[MASKED_FACE], zorder=0)
-
-
-def _save(figure: Figure, path: str | os.PathLike[str]) -> None:
-    try:
-        figure.savefig(path, dpi=300)
-    except ValueError as error:
-        raise InputError(f"path={os.fspath(path)!r}: {error}; end it in .png, .pdf or .svg") from error
-    except OSError as error:
-        raise FieldFileError(f"the picture cannot be saved as {os.fspath(path)!r}: {error}") from error
