@@ -5,7 +5,7 @@ import pytest
 
 import measured
 import naive
-from sixflow import InputError, measure, measure_sequence
+from sixflow import InputError, between, measure, measure_sequence
 from sixflow.between import Between
 from sixflow.engine.window import window_sigma
 from sixflow.masks import REACH, Bodies, Masks
@@ -170,6 +170,32 @@ def test_many_bodies_cost_little_more_than_one():
     assert set(np.unique(field.body)) == set(range(17))
     kept = field.body.values[0] > 0
     np.testing.assert_allclose(field.u.values[0][kept], 1, atol=0.02)
+
+
+def test_one_search_for_many_bodies_begins_them_all(monkeypatch):
+    made = pair(Speckle(), Affine.rotation(0.02, centre=(96, 96)), (192, 192), sensor=Sensor(noise=2))
+    frame1 = made.frame1.copy()
+    other = slice(64, 128), slice(0, 64)  # one tile has a motion of its own, far from that of the others
+    frame1[other] = pair(Speckle(), Affine.translation(-6, 5), (192, 192), sensor=Sensor(noise=2)).frame1[
+        other
+    ]
+    tile = np.arange(192) // 64
+    mask = 1 + tile[:, None] * 3 + tile
+    searched = []
+    find_motion = between.find_motion
+    monkeypatch.setattr(between, "find_motion", lambda *args: searched.append(1) or find_motion(*args))
+    field = measure(made.frame0, frame1, mask=mask)
+    y, x = np.meshgrid(field.y, field.x, indexing="ij")
+    own = (abs(y - 96) < 28) & (x < 54) & (x > 10)
+    moves = field.u.values[0][own], field.v.values[0][own]
+    for found, true in zip(moves, (-6, 5), strict=True):
+        np.testing.assert_allclose(found, true, atol=0.1)
+    rest = (mask[np.ix_(field.y.astype(int), field.x.astype(int))] != 4) & ~measured.flagged(field, "masked")
+    given = rest & np.isfinite(field.u.values[0])
+    assert given.sum() > 0.9 * rest.sum()
+    error = (measured.six_of(field) - made.truth(x, y)) / measured.standard_errors(field)
+    assert np.abs(error[given & (field.flag.values[0] == 0)]).max() < 6
+    assert 1 <= len(searched) < 9
 
 
 def test_a_mask_for_each_frame():

@@ -34,12 +34,15 @@ from sixflow.replace import predictions
 from sixflow.resolution import search_settings
 from sixflow.restriction import ABSENT
 from sixflow.search.guess import Guess, maps_of_guess
+from sixflow.search.pyramid import pyramid
 from sixflow.settings import Settings
 from sixflow.trajectory import Motion, one_frames_share
 from sixflow.version import __version__
 from sixflow.workspace import Workspace
 
 FAILED = 0.5  # share of a body's points that have to fail near where it was, before it is sought in the whole frame
+
+MANY_BODIES = 4  # from which one search for all, to begin with, is cheaper than one for each
 
 
 @dataclasses.dataclass(frozen=True)
@@ -272,6 +275,8 @@ class Session:
         assert bodies is not None
         assert shape is not None
         whole = Found.nothing(self.grid.shape)
+        if start is None and len(bodies.boxes) >= MANY_BODIES:
+            start = self._in_common(reference, moved, settings)
         for number, box in bodies.boxes.items():
             near = with_margin(box, shape, room_to_move(box, self.settings.window))
             # off frame 0, its points may be anywhere near
@@ -286,6 +291,22 @@ class Session:
                     found, points = again, far
             whole.take(found, number, self._grid_in(points, points)[1])
         return whole
+
+    def _in_common(self, reference: Prepared, moved: Prepared, settings: Settings) -> Start | None:
+        """Search the motion of all bodies as one: a start for each; a body that it misses is searched by itself."""
+        if (
+            self.guess is not None
+            or settings.search not in ("auto", "pyramid")
+            or settings.reference != "first"
+        ):
+            return None
+        assert reference.bodies is not None
+        everything = reference.bodies.of_number(None, self.everywhere)
+        frame = reference.frame.within(both_valid(everything, reference.frame.valid))
+        if not frame.valid.any():
+            return None
+        single = search_settings(settings, frame.image.shape)
+        return Start(pyramid(frame, moved.frame, self.grid, single, self.workspace))
 
     def _reported(self, bodies: Bodies, number: int) -> bool:
         """Whether any grid point may lie on a body."""
