@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.engine.compiler import kernel
 from sixflow.engine.fir import downsample, filter_separable
 from sixflow.engine.spline import spline_coefficients
 from sixflow.engine.window import CUT
 from sixflow.errors import InputError
 
+CONTINUED = 8  # px: over this distance the coefficients of a quintic spline forget all but 1e-3
 _COVERED = 1e-3  # share of the Gaussian that has to lie in a region for its light to be known
 
 NO_MASK = np.empty((0, 0), dtype=np.uint8)
@@ -138,9 +140,57 @@ def to_image(
     if frame.dtype.kind != "f" or np.isfinite(np.dot(image.ravel(), image.ravel())):
         return image, NO_MASK, 0
     finite = np.isfinite(image)
-    image[~finite] = 0
     missing = int(finite.size - np.count_nonzero(finite))
-    return image, (finite.astype(np.uint8) if missing else NO_MASK), missing
+    if not missing:
+        return image, NO_MASK, 0
+    valid = finite.astype(np.uint8)
+    image[~finite] = 0
+    return continued(image, valid), valid, missing
+
+
+@kernel
+def _continue(image: NDArray[Any], known: NDArray[Any], out: NDArray[Any], reached: NDArray[Any]) -> None:
+    """Give pixels within `CONTINUED` px of a known one of their row or column its reflection about the nearest."""
+    height, width = image.shape
+    for y in range(height):
+        for x in range(width):
+            if known[y, x]:
+                continue
+            for distance in range(1, CONTINUED + 1):
+                total, count = 0.0, 0
+                for dy, dx in ((0, -1), (0, 1), (-1, 0), (1, 0)):
+                    b, a = y + distance * dy, x + distance * dx
+                    if b < 0 or a < 0 or b >= height or a >= width or not known[b, a]:
+                        continue
+                    d, c = b + distance * dy, a + distance * dx
+                    inside = d >= 0 and c >= 0 and d < height and c < width
+                    total += image[b, a]
+                    if inside and known[d, c]:
+                        total += image[b, a] - image[d, c]
+                    count += 1
+                if count > 0:
+                    out[y, x] = total / count
+                    reached[y, x] = 1
+                    break
+
+
+def continued(image: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
+    """The image with values for its invalid pixels near valid ones, for splines that reach over; 0 further away.
+
+    As at the border of a frame, what is known is reflected about the nearest pixel along a row or column, and about its
+    value as well. A jump would ring through the spline's coefficients; the values themselves count nowhere.
+
+    Parameters
+    ----------
+    image : float array, shape (height, width)
+    valid : uint8 array of the same shape
+    """
+    out, known = np.where(valid, image, 0).astype(image.dtype), valid
+    for _ in range(2):  # the second time from what the first has reached: outer corners
+        source, reached = out.copy(), known.copy()
+        _continue(source, known, out, reached)
+        known = reached
+    return out
 
 
 def both_valid(*masks: NDArray[Any]) -> NDArray[np.uint8]:
