@@ -293,13 +293,17 @@ class Passes:
         with np.errstate(invalid="ignore"):
             return np.asarray((seen.weight > MINIMUM_WEIGHT) & (seen.texture > self.minimum_texture))
 
+    @property
+    def changing(self) -> bool:
+        """Whether the next passes may still change the weights of pixels."""
+        return self.robust and self._weighings < FREEZE
+
     def contraction(self) -> NDArray[Any]:
         """What one more pass leaves of the distance to the fixed point, at most; shape (rows, columns)."""
         rho = self._seen().rho
         with np.errstate(invalid="ignore", divide="ignore"):
             noise_share = np.where(rho >= 0, rho / (1 + rho), 1.0)
-        changing = self.robust and self._weighings < FREEZE
-        rate = np.clip(noise_share, WEIGHED_CONTRACTION if changing else CONTRACTION, 0.9)
+        rate = np.clip(noise_share, WEIGHED_CONTRACTION if self.changing else CONTRACTION, 0.9)
         return rate / (1 - rate)
 
     def counted(self) -> NDArray[np.bool_]:
