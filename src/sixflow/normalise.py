@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sixflow.engine.compiler import kernel
 from sixflow.engine.fir import downsample, filter_separable
+from sixflow.engine.lowpass import lowpass_reach, smoothed
 from sixflow.engine.spline import spline_coefficients
 from sixflow.engine.window import CUT
 from sixflow.errors import InputError
@@ -60,23 +61,40 @@ class Frame:
         Grey values less a constant; pixels without a value hold that constant.
     valid : uint8 array of the same shape, or `NO_MASK`
         1 where the pixel counts.
+    reach : int
+        Pixels from the rim, or from one that does not count, over which a filter has mixed in what is not there.
     """
 
     image: NDArray[Any]
     valid: NDArray[np.uint8]
+    reach: int = 0
     _half: Frame | None = None
     _coefficients: dict[int, NDArray[Any]] = dataclasses.field(default_factory=dict)
+    _filtered: dict[float, Frame] = dataclasses.field(default_factory=dict)
 
     def within(self, valid: NDArray[np.uint8]) -> Frame:
         """Return the same image with another validity mask."""
-        return self if valid is self.valid else Frame(self.image, valid)
+        return self if valid is self.valid else Frame(self.image, valid, self.reach)
+
+    def showing(self, image: NDArray[Any]) -> Frame:
+        """Return another image with the same validity mask."""
+        return Frame(image, self.valid, self.reach)
+
+    def lowpassed(self, lowpass: float) -> Frame:
+        """Return the frame after a Gaussian of `lowpass` px; the frame itself for 0."""
+        if not lowpass:
+            return self
+        if lowpass not in self._filtered:
+            reach = self.reach + lowpass_reach(lowpass)
+            self._filtered[lowpass] = Frame(smoothed(self.image, lowpass), self.valid, reach)
+        return self._filtered[lowpass]
 
     def part(self, place: tuple[slice, slice]) -> Frame:
         """Return rows and columns of the frame; the frame itself where these are all."""
         if self.image[place].shape == self.image.shape:
             return self
         valid = np.ascontiguousarray(self.valid[place]) if self.valid.size else self.valid
-        return Frame(np.ascontiguousarray(self.image[place]), valid)
+        return Frame(np.ascontiguousarray(self.image[place]), valid, self.reach)
 
     def level(self, halvings: int) -> Frame:
         """Return the frame halved so many times; pixel (j, i) of a halved frame lies on pixel (2j, 2i)."""
@@ -92,22 +110,39 @@ class Frame:
             self._coefficients[degree] = spline_coefficients(self.image, degree)
         return self._coefficients[degree]
 
-    def interpolable(self) -> NDArray[np.uint8]:
-        """Where the spline may be asked: valid pixels two or more away from any that is not."""
-        if not self.valid.size:
+    def counted(self) -> NDArray[np.uint8]:
+        """Which pixels are compared: valid ones further than `reach` from any that is not, and from the rim."""
+        if not self.reach:
             return self.valid
-        eroded = self.valid.copy()
+        counted = self.valid if self.valid.size else np.ones(self.image.shape, np.uint8)
+        counted = _eroded(counted, self.reach)
         for axis in (0, 1):
-            before = eroded.copy()
-            for shift in (1, 2):
-                _and_shifted(eroded, before, shift, axis)
-        return eroded
+            lines = np.moveaxis(counted, axis, 0)
+            lines[: self.reach] = lines[-self.reach :] = 0
+        return counted
+
+    def interpolable(self) -> NDArray[np.uint8]:
+        """Where the spline may be asked: counted pixels two or more away from any that does not count."""
+        if not self.valid.size:
+            return self.counted()
+        return _eroded(self.counted(), 2)
 
     @property
     def nbytes(self) -> int:
         """Bytes held, all levels and coefficients included."""
         own = self.image.nbytes + self.valid.nbytes + sum(c.nbytes for c in self._coefficients.values())
+        own += sum(frame.nbytes for frame in self._filtered.values())
         return own + (self._half.nbytes if self._half else 0)
+
+
+def _eroded(valid: NDArray[np.uint8], reach: int) -> NDArray[np.uint8]:
+    """Pixels of a mask that are further than `reach` from any outside of it, along rows, columns and both."""
+    eroded = valid.copy()
+    for axis in (0, 1):
+        before = eroded.copy()
+        for shift in range(1, reach + 1):
+            _and_shifted(eroded, before, shift, axis)
+    return eroded
 
 
 def _and_shifted(target: NDArray[Any], source: NDArray[Any], shift: int, axis: int) -> None:

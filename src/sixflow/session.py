@@ -20,6 +20,7 @@ from sixflow.between import Between
 from sixflow.blank import without_blanks
 from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.defects import without_defects
+from sixflow.engine.lowpass import lowpass_noise
 from sixflow.engine.threads import beside
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
@@ -223,6 +224,10 @@ class Session:
             frame, moved_frame, dead = without_defects(reference.frame, moved.frame)
             reference = dataclasses.replace(reference, frame=frame)
             moved = dataclasses.replace(moved, frame=moved_frame)
+        if settings.lowpass:
+            reference, moved = (
+                self._with_raw(one, one.raw.lowpassed(settings.lowpass)) for one in (reference, moved)
+            )
         bodies = reference.bodies
         if bodies is None or len(bodies.boxes) < 2:
             found = self._piece(reference, moved, settings, None, self.everywhere, self.everywhere, start)
@@ -236,7 +241,7 @@ class Session:
             "six": six,
             "covariance": found.covariance,
             "residual": found.residual,
-            "noise": found.noise / self.scale,
+            "noise": found.noise / (self.scale * math.sqrt(lowpass_noise(settings.lowpass))),
             "resolution": found.period,
         }
         for name, values in measured.items():
@@ -287,7 +292,7 @@ class Session:
         if prepared.unlit is None:
             return dataclasses.replace(prepared, frame=raw)
         flat = flatten_lighting(raw.image, raw.valid, self.settings.sigma)
-        return dataclasses.replace(prepared, frame=Frame(flat, raw.valid), unlit=raw)
+        return dataclasses.replace(prepared, frame=raw.showing(flat), unlit=raw)
 
     @property
     def everywhere(self) -> Part:
