@@ -62,7 +62,7 @@ class Frame:
     valid : uint8 array of the same shape, or `NO_MASK`
         1 where the pixel counts.
     reach : int
-        Pixels from the rim, or from one that does not count, over which a filter has mixed in what is not there.
+        Pixels from one that does not count over which a filter has mixed in what is not there.
     """
 
     image: NDArray[Any]
@@ -111,14 +111,16 @@ class Frame:
         return self._coefficients[degree]
 
     def counted(self) -> NDArray[np.uint8]:
-        """Which pixels are compared: valid ones further than `reach` from any that is not, and from the rim."""
+        """Which pixels are compared: valid ones further than `reach` from any that is not, and than half of it from the
+        rim, beyond which the image goes on as it was.
+        """
         if not self.reach:
             return self.valid
         counted = self.valid if self.valid.size else np.ones(self.image.shape, np.uint8)
-        counted = _eroded(counted, self.reach)
+        counted, rim = _eroded(counted, self.reach), (self.reach + 1) // 2
         for axis in (0, 1):
             lines = np.moveaxis(counted, axis, 0)
-            lines[: self.reach] = lines[-self.reach :] = 0
+            lines[:rim] = lines[-rim:] = 0
         return counted
 
     def interpolable(self) -> NDArray[np.uint8]:

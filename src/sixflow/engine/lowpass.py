@@ -74,9 +74,7 @@ def lowpass_noise(lowpass: float) -> float:
 
 
 def lowpass_reach(lowpass: float) -> int:
-    """Pixels from the rim of a frame, or from a pixel without a value, beyond which what is not there weighs less than
-    3 %.
-    """
+    """Pixels from one without a value beyond which what is not there weighs less than 3 %."""
     return math.ceil(2 * lowpass)
 
 
