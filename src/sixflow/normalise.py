@@ -114,20 +114,22 @@ class Frame:
         """Which pixels are compared: valid ones further than `reach` from any that is not, and than half of it from the
         rim, beyond which the image goes on as it was.
         """
-        if not self.reach:
-            return self.valid
-        counted = self.valid if self.valid.size else np.ones(self.image.shape, np.uint8)
-        counted, rim = _eroded(counted, self.reach), (self.reach + 1) // 2
-        for axis in (0, 1):
-            lines = np.moveaxis(counted, axis, 0)
-            lines[:rim] = lines[-rim:] = 0
-        return counted
+        return self._away(self.reach)
 
     def interpolable(self) -> NDArray[np.uint8]:
-        """Where the spline may be asked: counted pixels two or more away from any that does not count."""
-        if not self.valid.size:
-            return self.counted()
-        return _eroded(self.counted(), 2)
+        """Where the spline may be asked: two pixels further from any that is not valid."""
+        return self._away(self.reach + 2)
+
+    def _away(self, distance: int) -> NDArray[np.uint8]:
+        """Valid pixels further than a distance from any that is not, and out of reach of the rim."""
+        rim = (self.reach + 1) // 2
+        if not rim and not (distance and self.valid.size):
+            return self.valid
+        away = _eroded(self.valid, distance) if self.valid.size else np.ones(self.image.shape, np.uint8)
+        for axis in (0, 1):
+            lines = np.moveaxis(away, axis, 0)
+            lines[:rim] = lines[lines.shape[0] - rim :] = 0
+        return away
 
     @property
     def nbytes(self) -> int:
