@@ -75,7 +75,9 @@ CASES: dict[str, Moved] = {
 }
 
 
-def errors(moved: Moved, seed: int, noise: float, lowpass: float) -> tuple[list[float], np.ndarray, np.ndarray]:
+def errors(
+    moved: Moved, seed: int, noise: float, lowpass: float
+) -> tuple[list[float], np.ndarray, np.ndarray]:
     """Mean error of u at each shift, and all errors and predicted standard errors."""
     means, found, predicted = [], [], []
     for number, shift in enumerate(SHIFTS):

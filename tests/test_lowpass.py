@@ -101,9 +101,7 @@ def test_bias_of_textures_as_fine_as_the_pixels():
         (particles(x, y), particles(x - 0.25, y)),
         (fine, ndimage.shift(fine, (0, 0.25), order=3, mode="mirror")),
     ):
-        plain, smooth = (
-            abs(float(measure(*frames, lowpass=s).u.mean()) - 0.25) for s in (0.0, 1.0)
-        )
+        plain, smooth = (abs(float(measure(*frames, lowpass=s).u.mean()) - 0.25) for s in (0.0, 1.0))
         assert smooth < plain / 2
 
 

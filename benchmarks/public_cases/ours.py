@@ -11,8 +11,8 @@
 No setting depends on the case. A setting by experiment follows the custom of its field: particle images are
 measured with windows chosen by themselves, speckles with a criterion that allows for a change of light, scenes of a
 camera in small windows, because many things move in them. Uniform strain is known before it is measured; the setting
-is that of docs/choosing.md for such a specimen and frames without much noise, and was added when the default was seen to
-miss the target of affine speckles.
+is that of docs/choosing.md for such a specimen and frames without much noise, and was added when the default was seen
+to miss the target of affine speckles.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Blank: what lies beyond the content of a frame that software has moved, rotated, stitched or rendered, filled with one
-grey value.
+"""Blank: what lies beyond the content of a frame that software has moved, rotated, stitched or rendered, filled with
+one grey value.
 
 Such a frame ends within its array, and its other end is not a thing to be measured. It is told from a background and
 from overexposure by the other frame of the pair. A connected region R of exactly one value is blank where

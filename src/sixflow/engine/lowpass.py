@@ -55,7 +55,9 @@ def lowpass_power(lowpass: float, omega: NDArray[Any]) -> NDArray[np.float64]:
     if not lowpass:
         return np.ones(np.shape(omega))
     half = lowpass_half(lowpass)
-    return np.asarray((half[0] + 2 * np.cos(np.multiply.outer(omega, np.arange(1, half.size))) @ half[1:]) ** 2)
+    return np.asarray(
+        (half[0] + 2 * np.cos(np.multiply.outer(omega, np.arange(1, half.size))) @ half[1:]) ** 2
+    )
 
 
 @cache
