@@ -85,6 +85,20 @@ def test_coverage(lowpass, options):
     assert np.sqrt(np.mean(spreads)) == pytest.approx(1, abs=0.08)
 
 
+@pytest.mark.parametrize("lowpass", [0.7, 1.0])
+def test_cost_in_noise(lowpass):
+    """Predicted standard errors of a speckle rise by √(T₀ T₂)/T₁ of its known spectrum."""
+    variance = 1.5**2
+    made = pair(Speckle(sigma=1.5, seed=1), Affine.from_six((0.3, 0.2, 0, 0, 0, 0)), (192, 192))
+    frames = measured.noisy(made, 1.0)
+    plain, smooth = (
+        np.median(measured.standard_errors(measure(*frames, lowpass=s))[6:-6, 6:-6], axis=(0, 1))
+        for s in (0.0, lowpass)
+    )
+    expected = (variance + lowpass**2) ** 2 / (variance * (variance + 2 * lowpass**2))
+    np.testing.assert_allclose(smooth / plain, expected, rtol=0.05)
+
+
 def test_noise_is_that_of_the_frames():
     made = measured.ideal("speckle")
     for lowpass in (0.0, 0.7, 1.5):
