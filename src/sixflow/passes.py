@@ -235,7 +235,9 @@ class Passes:
         seen = self._seen()
         if seen.tail is None:
             return False
-        self.robust = bool((seen.tail > LONG_TAIL).any())
+        # fewer pixels are independent after a low-pass, and chance makes longer tails
+        longest = 1 + (LONG_TAIL - 1) * max(1.0, self.settings.lowpass)
+        self.robust = bool((seen.tail > longest).any())
         self._partner = seen.weight if self.robust else None
         return self.robust
 
@@ -417,7 +419,7 @@ class Passes:
         back = np.linalg.inv(transform)
         normal = normal_matrices(self._moments())
         with np.errstate(invalid="ignore", divide="ignore"):
-            taken = np.einsum("...ij,jk,...kl,il->...", normal, back, covariance, back)
+            taken = (normal * (back @ covariance @ back.T)).sum(axis=(-1, -2))
             absorbed = taken / (2 * seen.noise**2 * seen.weight)
         return np.clip(np.nan_to_num(absorbed), 0, MOST_ABSORBED)
 
