@@ -45,7 +45,7 @@ def lowpass_half(lowpass: float) -> NDArray[np.float64]:
     Examples
     --------
     >>> lowpass_half(0.5).round(4)
-    array([0.7866, 0.1065, 0.0003])
+    array([7.866e-01, 1.065e-01, 3.000e-04])
     """
     half = np.exp(-((np.arange(math.ceil(_CUT * lowpass) + 1) / lowpass) ** 2) / 2)
     return half / (half[0] + 2 * half[1:].sum())
