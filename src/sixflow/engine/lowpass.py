@@ -7,7 +7,8 @@ gives it the weight of its power times ω². The low-pass takes the power Ĝ², 
 
 It costs little noise. The fit weighs frequencies by P ω² Ĝ², P the power of the texture, and white noise would have
 them weighed by P ω². With T_n = Σ P ω² Ĝ²ⁿ over all frequencies the standard error is √(T₀ T₂)/T₁ times the least;
-for a speckle of Gaussian blobs of radius σ that is (σ² + s²)²/(σ² (σ² + 2s²)): 1.01 for σ = 2, s = 0.7, and 1.12 for σ = 1.
+for a speckle of Gaussian blobs of radius σ that is (σ² + s²)²/(σ² (σ² + 2s²)), with s = 0.7: 1.01 for σ = 2, 1.12 for
+σ = 1.
 
 White noise of unit variance is left with the variance K = (Σ g²)², ≈ 1/(4πs²), and is no longer white. Its part of the
 covariance is not Σ w² r² J Jᵀ but, E r² = 2 σ² K,
