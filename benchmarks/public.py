@@ -21,7 +21,7 @@ import sixflow
 from cases import console
 from public_cases.case import CaseError, find_cases, read_cases
 from public_cases.figures import draw_figures
-from public_cases.ours import BY_EXPERIMENT, COLUMNS, spelled, warm_up
+from public_cases.ours import BY_EXPERIMENT, COLUMNS, UNIFORM, spelled, warm_up
 from public_cases.page import write_page
 from public_cases.peers import installed_peers
 from public_cases.run import run_case
@@ -83,7 +83,7 @@ def main() -> None:
 def run(chosen: list[Path], root: Path, arguments: argparse.Namespace) -> None:
     extra = dict(arguments.tried)
     peers = {} if arguments.no_peers else installed_peers()
-    ours = (*COLUMNS, "by experiment", *extra)
+    ours = (*COLUMNS, "by experiment", UNIFORM, *extra)
     console.print(
         f"sixflow {sixflow.__version__}, {worker_count()} processors; peers: {', '.join(peers) or 'none'}"
     )

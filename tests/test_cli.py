@@ -188,6 +188,7 @@ def test_every_flag_reaches_the_settings(field):
         "search": "pyramid",
         "interpolation": "cubic",
         "lighting": "local",
+        "lowpass": "1.5",
     } | {"length_unit": "µm"}
     value = choices.get(field.name, "7")
     flag = "--" + field.name.replace("_", "-")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from public_cases.measured import STEP
-from public_cases.ours import BY_EXPERIMENT, COLUMNS, spelled
+from public_cases.ours import BY_EXPERIMENT, COLUMNS, UNIFORM, UNIFORM_STRAIN, spelled
 from public_cases.tables import Table
 from sixflow.engine.threads import worker_count
 from sixflow.version import __version__
@@ -55,4 +55,5 @@ def _settings_rows(extra: dict[str, dict[str, Any]]) -> list[str]:
     cells["by experiment"] = "; ".join(
         f"{name}: `{spelled(options)}`" for name, options in BY_EXPERIMENT.items()
     )
+    cells[UNIFORM] = f"DIC, motion affine: `{spelled(UNIFORM_STRAIN)}`"
     return [f"| {name} | {cell} |" for name, cell in cells.items()]

@@ -46,7 +46,7 @@ def run_case(
     case: Case, peers: dict[str, Callable[[Case], Measured | None]], extra: dict[str, dict[str, Any]]
 ) -> CaseResult:
     """Run our columns and the peers on a case."""
-    columns = settings_of(case.experiment, extra) | (STAR_COLUMNS if is_star(case.name) else {})
+    columns = settings_of(case, extra) | (STAR_COLUMNS if is_star(case.name) else {})
     found = {name: measure_ours(case, options) for name, options in columns.items()}
     found |= {name: peer(case) for name, peer in peers.items()}
     texture = textured_pixels(case.frame0)

@@ -14,13 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.engine.compiler import kernel
 from sixflow.engine.fir import downsample, filter_separable
+from sixflow.engine.lowpass import lowpass_reach, smoothed
 from sixflow.engine.spline import spline_coefficients
 from sixflow.engine.threads import over_strips
 from sixflow.engine.window import CUT
 from sixflow.errors import InputError
 
 _STRIP = 64
+CONTINUED = 8  # px: over this distance the coefficients of a quintic spline forget all but 1e-3
 _COVERED = 1e-3  # share of the Gaussian that has to lie in a region for its light to be known
 
 NO_MASK = np.empty((0, 0), dtype=np.uint8)
@@ -60,23 +63,40 @@ class Frame:
         Grey values less a constant; pixels without a value hold that constant.
     valid : uint8 array of the same shape, or `NO_MASK`
         1 where the pixel counts.
+    reach : int
+        Pixels from one that does not count over which a filter has mixed in what is not there.
     """
 
     image: NDArray[Any]
     valid: NDArray[np.uint8]
+    reach: int = 0
     _half: Frame | None = None
     _coefficients: dict[int, NDArray[Any]] = dataclasses.field(default_factory=dict)
+    _filtered: dict[float, Frame] = dataclasses.field(default_factory=dict)
 
     def within(self, valid: NDArray[np.uint8]) -> Frame:
         """Return the same image with another validity mask."""
-        return self if valid is self.valid else Frame(self.image, valid)
+        return self if valid is self.valid else Frame(self.image, valid, self.reach)
+
+    def showing(self, image: NDArray[Any]) -> Frame:
+        """Return another image with the same validity mask."""
+        return Frame(image, self.valid, self.reach)
+
+    def lowpassed(self, lowpass: float) -> Frame:
+        """Return the frame after a Gaussian of `lowpass` px; the frame itself for 0."""
+        if not lowpass:
+            return self
+        if lowpass not in self._filtered:
+            reach = self.reach + lowpass_reach(lowpass)
+            self._filtered[lowpass] = Frame(smoothed(self.image, lowpass), self.valid, reach)
+        return self._filtered[lowpass]
 
     def part(self, place: tuple[slice, slice]) -> Frame:
         """Return rows and columns of the frame; the frame itself where these are all."""
         if self.image[place].shape == self.image.shape:
             return self
         valid = np.ascontiguousarray(self.valid[place]) if self.valid.size else self.valid
-        return Frame(np.ascontiguousarray(self.image[place]), valid)
+        return Frame(np.ascontiguousarray(self.image[place]), valid, self.reach)
 
     def level(self, halvings: int) -> Frame:
         """Return the frame halved so many times; pixel (j, i) of a halved frame lies on pixel (2j, 2i)."""
@@ -92,22 +112,43 @@ class Frame:
             self._coefficients[degree] = spline_coefficients(self.image, degree)
         return self._coefficients[degree]
 
+    def counted(self) -> NDArray[np.uint8]:
+        """Which pixels are compared: valid ones further than `reach` from any that is not, and than half of it from the
+        rim, beyond which the image goes on as it was.
+        """
+        return self._away(self.reach)
+
     def interpolable(self) -> NDArray[np.uint8]:
-        """Where the spline may be asked: valid pixels two or more away from any that is not."""
-        if not self.valid.size:
+        """Where the spline may be asked: two pixels further from any that is not valid."""
+        return self._away(self.reach + 2)
+
+    def _away(self, distance: int) -> NDArray[np.uint8]:
+        """Valid pixels further than a distance from any that is not, and out of reach of the rim."""
+        rim = (self.reach + 1) // 2
+        if not rim and not (distance and self.valid.size):
             return self.valid
-        eroded = self.valid.copy()
+        away = _eroded(self.valid, distance) if self.valid.size else np.ones(self.image.shape, np.uint8)
         for axis in (0, 1):
-            before = eroded.copy()
-            for shift in (1, 2):
-                _and_shifted(eroded, before, shift, axis)
-        return eroded
+            lines = np.moveaxis(away, axis, 0)
+            lines[:rim] = lines[lines.shape[0] - rim :] = 0
+        return away
 
     @property
     def nbytes(self) -> int:
         """Bytes held, all levels and coefficients included."""
         own = self.image.nbytes + self.valid.nbytes + sum(c.nbytes for c in self._coefficients.values())
+        own += sum(frame.nbytes for frame in self._filtered.values())
         return own + (self._half.nbytes if self._half else 0)
+
+
+def _eroded(valid: NDArray[np.uint8], reach: int) -> NDArray[np.uint8]:
+    """Pixels of a mask that are further than `reach` from any outside of it, along rows, columns and both."""
+    eroded = valid.copy()
+    for axis in (0, 1):
+        before = eroded.copy()
+        for shift in range(1, reach + 1):
+            _and_shifted(eroded, before, shift, axis)
+    return eroded
 
 
 def _and_shifted(target: NDArray[Any], source: NDArray[Any], shift: int, axis: int) -> None:
@@ -145,9 +186,57 @@ def to_image(
     if frame.dtype.kind != "f" or np.isfinite(np.dot(image.ravel(), image.ravel())):
         return image, NO_MASK, 0
     finite = np.isfinite(image)
-    image[~finite] = 0
     missing = int(finite.size - np.count_nonzero(finite))
-    return image, (finite.astype(np.uint8) if missing else NO_MASK), missing
+    if not missing:
+        return image, NO_MASK, 0
+    valid = finite.astype(np.uint8)
+    image[~finite] = 0
+    return continued(image, valid), valid, missing
+
+
+@kernel
+def _continue(image: NDArray[Any], known: NDArray[Any], out: NDArray[Any], reached: NDArray[Any]) -> None:
+    """Give pixels within `CONTINUED` px of a known one of their row or column its reflection about the nearest."""
+    height, width = image.shape
+    for y in range(height):
+        for x in range(width):
+            if known[y, x]:
+                continue
+            for distance in range(1, CONTINUED + 1):
+                total, count = 0.0, 0
+                for dy, dx in ((0, -1), (0, 1), (-1, 0), (1, 0)):
+                    b, a = y + distance * dy, x + distance * dx
+                    if b < 0 or a < 0 or b >= height or a >= width or not known[b, a]:
+                        continue
+                    d, c = b + distance * dy, a + distance * dx
+                    inside = d >= 0 and c >= 0 and d < height and c < width
+                    total += image[b, a]
+                    if inside and known[d, c]:
+                        total += image[b, a] - image[d, c]
+                    count += 1
+                if count > 0:
+                    out[y, x] = total / count
+                    reached[y, x] = 1
+                    break
+
+
+def continued(image: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
+    """The image with values for its invalid pixels near valid ones, for splines that reach over; 0 further away.
+
+    As at the border of a frame, what is known is reflected about the nearest pixel along a row or column, and about its
+    value as well. A jump would ring through the spline's coefficients; the values themselves count nowhere.
+
+    Parameters
+    ----------
+    image : float array, shape (height, width)
+    valid : uint8 array of the same shape
+    """
+    out, known = np.where(valid, image, 0).astype(image.dtype), valid
+    for _ in range(2):  # the second time from what the first has reached: outer corners
+        source, reached = out.copy(), known.copy()
+        _continue(source, known, out, reached)
+        known = reached
+    return out
 
 
 def both_valid(*masks: NDArray[Any]) -> NDArray[np.uint8]:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.engine.blend import twist_of
+from sixflow.engine.lowpass import lowpass_noise, smoothed
 from sixflow.engine.moments import moments_strip, sandwich_strip, statistics_strip
 from sixflow.engine.solve import (
     covariance_strip,
@@ -53,6 +54,7 @@ OF_CONTRAST = (
 LONG_TAIL = (
     1.3  # mean square residual over that of a Gaussian of the same mean size: foreign pixels (noise: ± 0.03)
 )
+MOST_ABSORBED = 0.25  # share of the residual's power: beyond, there is no telling
 TRUSTED_RESIDUAL = 0.6  # zero-normalised (correlation 0.82), for a start that finer levels build upon
 
 
@@ -80,7 +82,7 @@ class Passes:
         self.coefficients = moved.coefficients(self.degree)
         self.moved_valid = moved.interpolable()
         self.central = settings.reference == "middle"
-        self.reference_valid = reference.interpolable() if self.central else reference.valid
+        self.reference_valid = reference.interpolable() if self.central else reference.counted()
         self.weights = moment_weights(settings.sigma).astype(self.dtype)
         self.by_window = settings.lighting == "gain+offset"
         self.lighting = np.empty((0, 0, 0, 0), self.dtype)
@@ -174,7 +176,8 @@ class Passes:
         residual = self.workspace.array("residual", shape, dtype)
         warped = self.workspace.array("warped", shape, dtype) if self.by_window else none
         local, twist = reduced.astype(dtype), twist_of(reduced, grid.step).astype(dtype)
-        images, plane, variance = self._images(), plane.astype(dtype), noise_variance(self.degree)
+        images, plane = self._images(), plane.astype(dtype)
+        variance = noise_variance(self.degree, self.settings.lowpass)
         over_strips(
             lambda start, stop: warp_strip(
                 image, self.coefficients, valid, self.moved_valid, local, twist, grid.origin_and_step, plane,
@@ -194,7 +197,7 @@ class Passes:
         variance = array("still_variance", shape, dtype)
         local, twist = reduced.astype(dtype), twist_of(reduced, grid.step).astype(dtype)
         coefficients, asked = self.reference.coefficients(self.degree), self.reference_valid
-        base, noise = plane.astype(dtype), noise_variance(self.degree)
+        base, noise = plane.astype(dtype), noise_variance(self.degree, self.settings.lowpass)
         over_strips(
             lambda start, stop: bring_strip(
                 coefficients, asked, local, twist, grid.origin_and_step, base, self.degree, noise,
@@ -232,7 +235,9 @@ class Passes:
         seen = self._seen()
         if seen.tail is None:
             return False
-        self.robust = bool((seen.tail > LONG_TAIL).any())
+        # fewer pixels are independent after a low-pass, and chance makes longer tails
+        longest = 1 + (LONG_TAIL - 1) * max(1.0, self.settings.lowpass)
+        self.robust = bool((seen.tail > longest).any())
         self._partner = seen.weight if self.robust else None
         return self.robust
 
@@ -293,13 +298,17 @@ class Passes:
         with np.errstate(invalid="ignore"):
             return np.asarray((seen.weight > MINIMUM_WEIGHT) & (seen.texture > self.minimum_texture))
 
+    @property
+    def changing(self) -> bool:
+        """Whether the next passes may still change the weights of pixels."""
+        return self.robust and self._weighings < FREEZE
+
     def contraction(self) -> NDArray[Any]:
         """What one more pass leaves of the distance to the fixed point, at most; shape (rows, columns)."""
         rho = self._seen().rho
         with np.errstate(invalid="ignore", divide="ignore"):
             noise_share = np.where(rho >= 0, rho / (1 + rho), 1.0)
-        changing = self.robust and self._weighings < FREEZE
-        rate = np.clip(noise_share, WEIGHED_CONTRACTION if changing else CONTRACTION, 0.9)
+        rate = np.clip(noise_share, WEIGHED_CONTRACTION if self.changing else CONTRACTION, 0.9)
         return rate / (1 - rate)
 
     def counted(self) -> NDArray[np.bool_]:
@@ -328,6 +337,10 @@ class Passes:
         seen = self._seen()
         transform = _six_from_unknowns(self.settings.sigma, sharpened)
         covariance = self._covariance(seen, transform)
+        if self.settings.lowpass:
+            absorbed = self._absorbed(seen, covariance, transform)
+            covariance /= (1 - 2 * absorbed)[..., None, None].astype(self.dtype)
+            seen = dataclasses.replace(seen, noise=seen.noise / np.sqrt(1 - absorbed))
         if not self.robust:
             return Quality(
                 covariance,
@@ -365,6 +378,9 @@ class Passes:
         """Covariance of the six numbers, `transform` times the unknowns θ; shape (rows, columns, 6, 6)."""
         grid, dtype, sigma = self.grid, self.dtype, self.settings.sigma
         gradient_x, gradient_y, _ = self._images()
+        lowpass = self.settings.lowpass
+        if lowpass:
+            gradient_x, gradient_y = smoothed(gradient_x, lowpass), smoothed(gradient_y, lowpass)
         frame_residual = self.workspace.array("residual", self.reference.image.shape, dtype)
         sandwich = self.workspace.array("sandwich", (*grid.shape, 18), dtype)
         squared = moment_weights(sigma, power=2).astype(dtype)
@@ -376,7 +392,8 @@ class Passes:
             grid.rows,
             GRID_STRIP,
         )
-        sandwich *= (np.nan_to_num(seen.left, nan=1.0) * shrunk_noise(self._last))[..., None].astype(dtype)
+        left = np.nan_to_num(seen.left, nan=1.0) / lowpass_noise(lowpass)
+        sandwich *= (left * shrunk_noise(self._last))[..., None].astype(dtype)
         if self.settings.group != "affine":
             clean = self._normal_equations()[0] - seen.noise_gradient[..., None, None] * np.eye(6)
             return self._within(clean, normal_matrices(sandwich), seen, transform)
@@ -390,6 +407,21 @@ class Passes:
             GRID_STRIP,
         )
         return covariance
+
+    def _absorbed(
+        self, seen: Seen, covariance: NDArray[Any], transform: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """φ = tr(H C)/Σ w r²: what the fit took out of the residual's power; shape (rows, columns).
+
+        Six numbers hardly lower the residual of a window's white noise. After a low-pass there are fewer independent
+        pixels, and with normal gradients Σ w² r² J Jᵀ lacks 2φ: the fit follows noise where gradients are steep.
+        """
+        back = np.linalg.inv(transform)
+        normal = normal_matrices(self._moments())
+        with np.errstate(invalid="ignore", divide="ignore"):
+            taken = (normal * (back @ covariance @ back.T)).sum(axis=(-1, -2))
+            absorbed = taken / (2 * seen.noise**2 * seen.weight)
+        return np.clip(np.nan_to_num(absorbed), 0, MOST_ABSORBED)
 
     def _within(
         self, clean: NDArray[Any], noise: NDArray[Any], seen: Seen, transform: NDArray[np.float64]
@@ -439,7 +471,8 @@ class Passes:
         """What noise adds to Σ w g_x², and texture and rho of `solve.texture_strip`; each (rows, columns)."""
         moments, texture, rho = self._moments(), np.empty(self.grid.shape), np.empty(self.grid.shape)
         interpolated = 2 if self.central else 1
-        noise_gradient = gradient_noise(self.degree, DERIVATIVE, interpolated) * noise**2 * weight
+        share = gradient_noise(self.degree, DERIVATIVE, interpolated, self.settings.lowpass)
+        noise_gradient = share * noise**2 * weight
         over_strips(
             lambda start, stop: texture_strip(moments, noise_gradient, start, stop, texture, rho),
             self.grid.rows,

@@ -69,6 +69,8 @@ def refine(
             np.where(passes.measurable(), left, np.nan), WEIGHED_SHARE if passes.robust else TYPICAL_SHARE
         )
         if most < settings.tolerance and passes.explained() < EXPLAINED:
+            if passes.changing and (left[passes.measurable()] > 2 * settings.tolerance).any():
+                continue  # what is in doubt stays once the weights do
             break
     if not settings.sharpen:
         return maps, passes.quality(), left

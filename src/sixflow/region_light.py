@@ -71,7 +71,7 @@ class RegionLight:
         lit = [flatten_lighting(frame.image, frame.valid, self.sigma, region) for frame, region in pair]
         if self.backwards:
             lit.reverse()
-        return Frame(lit[0], still.valid), Frame(lit[1], moved.valid)
+        return still.showing(lit[0]), moved.showing(lit[1])
 
     @property
     def reversed(self) -> RegionLight:

@@ -17,8 +17,10 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.between import Between
+from sixflow.blank import without_blanks
 from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.defects import without_defects
+from sixflow.engine.lowpass import lowpass_noise
 from sixflow.engine.threads import beside
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
@@ -98,6 +100,11 @@ class Prepared:
     notes: tuple[str, ...]
     bodies: Bodies | None = None
     unlit: Frame | None = None
+
+    @property
+    def raw(self) -> Frame:
+        """The frame with its local light."""
+        return self.frame if self.unlit is None else self.unlit
 
     @property
     def digest(self) -> bytes:
@@ -213,12 +220,17 @@ class Session:
         start : Start, optional
             What is known of the motion. The search is left out where refining it succeeds.
         """
-        change, dead = Change.between(reference, moved), 0
+        change, dead, blank = Change.between(reference, moved), 0, (0, 0)
         settings = change.settings(self.asked)
         if settings.robust:
+            reference, moved, blank = self._without_blanks(reference, moved)
             frame, moved_frame, dead = without_defects(reference.frame, moved.frame)
             reference = dataclasses.replace(reference, frame=frame)
             moved = dataclasses.replace(moved, frame=moved_frame)
+        if settings.lowpass:
+            reference, moved = (
+                self._with_raw(one, one.raw.lowpassed(settings.lowpass)) for one in (reference, moved)
+            )
         bodies = reference.bodies
         if bodies is None or len(bodies.boxes) < 2:
             found = self._piece(reference, moved, settings, None, self.everywhere, self.everywhere, start)
@@ -232,7 +244,7 @@ class Session:
             "six": six,
             "covariance": found.covariance,
             "residual": found.residual,
-            "noise": found.noise / self.scale,
+            "noise": found.noise / (self.scale * math.sqrt(lowpass_noise(settings.lowpass))),
             "resolution": found.period,
         }
         for name, values in measured.items():
@@ -255,6 +267,12 @@ class Session:
             number = 1 if bodies is None else next(iter(bodies.boxes))
             body = np.where(flag & FLAGS["masked"], 0, number).astype(np.int32)
         notes = (*reference.notes, *moved.notes, *change.notes(self.asked, found.lighting, numbers))
+        notes += tuple(
+            f"frame {number}: {count} pixels of one value at the rim, where the other frame has content, are taken for "
+            "beyond its end"
+            for number, count in zip(numbers, blank, strict=True)
+            if count
+        )
         if dead:
             notes += (f"frames {numbers[0]} and {numbers[1]}: {dead} dead or hot pixels were replaced",)
         windows = found.window[~failed] if not failed.all() else found.window
@@ -262,6 +280,22 @@ class Session:
             **measured, flag=flag, body=body, window=float(np.nanmedian(windows)), numbers=numbers,
             digest=digest.hexdigest()[:16], notes=notes, memory=memory, rho=found.rho,
         )  # fmt: skip
+
+    def _without_blanks(
+        self, reference: Prepared, moved: Prepared
+    ) -> tuple[Prepared, Prepared, tuple[int, int]]:
+        """The frames without what lies beyond their content, and the number of these pixels in each."""
+        first, second, count = without_blanks(reference.raw, moved.raw)
+        if not any(count):
+            return reference, moved, count
+        return self._with_raw(reference, first), self._with_raw(moved, second), count
+
+    def _with_raw(self, prepared: Prepared, raw: Frame) -> Prepared:
+        """Replace a frame as it was before its local light was divided out."""
+        if prepared.unlit is None:
+            return dataclasses.replace(prepared, frame=raw)
+        flat = flatten_lighting(raw.image, raw.valid, self.settings.sigma)
+        return dataclasses.replace(prepared, frame=raw.showing(flat), unlit=raw)
 
     @property
     def everywhere(self) -> Part:

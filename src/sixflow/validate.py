@@ -248,7 +248,8 @@ def flag_points(
         flag[partner < COMPLETE_WEIGHT] |= FLAGS["border"]
         flag[unknown | ~measurable] |= FLAGS["low_texture"]
         unlike = quality.residual > np.where(measurable, MAXIMUM_RESIDUAL, SUSPECT_RESIDUAL)
-        gone = (outside & ~unknown) | (quality.weight < MINIMUM_WEIGHT) | unlike
+        least = MINIMUM_WEIGHT * np.clip(partner, 0.5, 1)  # of what has a partner, a fifth has to belong
+        gone = (outside & ~unknown) | (partner < MINIMUM_WEIGHT) | (quality.weight < least) | unlike
         flag[gone] |= FLAGS["unmatched"]
         flag[_collapses(maps, settings.reference)] |= FLAGS["outlier"]
         flag[left > np.maximum(2 * settings.tolerance, error / 2)] |= FLAGS["not_converged"]

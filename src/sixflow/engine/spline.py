@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.engine.fir import filter_separable
+from sixflow.engine.lowpass import lowpass_power
 
 PAD = 3
 """Pixels by which a coefficient image is larger than its frame, on each side."""
@@ -90,20 +91,32 @@ def _cardinal_spectra(degree: int, fractions: NDArray[Any]) -> NDArray[Any]:
     )
 
 
+def _noise_power(lowpass: float) -> NDArray[np.float64]:
+    """Power spectrum of unit noise along one axis, white before the low-pass."""
+    power = lowpass_power(lowpass, 2 * np.pi * np.fft.fftfreq(_PERIOD))
+    return power / power.mean()
+
+
 @cache
-def noise_variance(degree: int) -> tuple[float, float, float]:
-    """Coefficients (a, b, c) of V(f) ≈ 1 + a s + b s² + c s³ with s = f(1 − f), good to 1e-3."""
+def noise_variance(degree: int, lowpass: float = 0.0) -> tuple[float, float, float]:
+    """Coefficients (a, b, c) of V(f) ≈ 1 + a s + b s² + c s³ with s = f(1 − f), good to 1e-3.
+
+    White noise may have gone through a low-pass: V is relative to what that has left.
+    """
     fractions = np.linspace(0, 0.5, 65)
-    variance = (np.abs(_cardinal_spectra(degree, fractions)) ** 2).mean(axis=1)
+    share = _noise_power(lowpass)
+    variance = (np.abs(_cardinal_spectra(degree, fractions)) ** 2 * share).mean(axis=1)
     s = fractions * (1 - fractions)
     a, b, c = np.linalg.lstsq(np.stack([s, s**2, s**3], axis=1), variance - 1, rcond=None)[0]
     return float(a), float(b), float(c)
 
 
 @cache
-def gradient_noise(degree: int, derivative: tuple[float, ...], interpolated: int = 1) -> float:
-    """Power that unit white noise in both frames adds to each gradient component, averaged over
-    fractions between pixels.
+def gradient_noise(
+    degree: int, derivative: tuple[float, ...], interpolated: int = 1, lowpass: float = 0.0
+) -> float:
+    """Power that unit noise in both frames, white before a low-pass, adds to each gradient component, averaged
+    over fractions between pixels.
 
     ⟨g²⟩ for g = ½D(n₀ + S n₁), D the antisymmetric difference with half-weights `derivative`, S the
     interpolation at a fraction, along both axes. Where both frames are interpolated (`interpolated=2`) n₀ is
@@ -112,7 +125,8 @@ def gradient_noise(degree: int, derivative: tuple[float, ...], interpolated: int
     fractions = (np.arange(32) + 0.5) / 32
     omega = 2 * np.pi * np.fft.fftfreq(_PERIOD)
     response = sum(2 * d * np.sin((k + 1) * omega) for k, d in enumerate(derivative))
-    power = np.abs(_cardinal_spectra(degree, fractions)) ** 2
-    still = float((response**2).mean())
+    share = _noise_power(lowpass)
+    power = np.abs(_cardinal_spectra(degree, fractions)) ** 2 * share
+    still = float((response**2 * share).mean())
     moved = float((response**2 * power).mean() * power.mean())
     return ((2 - interpolated) * still + interpolated * moved) / 4

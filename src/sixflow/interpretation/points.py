@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sixflow.engine.lowpass import lowpass_noise
 from sixflow.engine.spline import DEGREE, gradient_noise
 from sixflow.engine.warp import DERIVATIVE
 from sixflow.engine.window import window_sigma
@@ -146,7 +147,9 @@ def _window(field: xr.Dataset) -> tuple[float, int, float]:
         )
     noise = 0.0
     if settings.get("method", "least_squares") == "least_squares":
-        noise = gradient_noise(DEGREE.get(str(settings.get("interpolation")), DEGREE["quintic"]), DERIVATIVE)
+        degree = DEGREE.get(str(settings.get("interpolation")), DEGREE["quintic"])
+        lowpass = float(settings.get("lowpass", 0.0))
+        noise = gradient_noise(degree, DERIVATIVE, lowpass=lowpass) * lowpass_noise(lowpass)
     return window_sigma(float(window)), sharpen, noise
 
 
