@@ -216,6 +216,8 @@ class Passes:
         shape, array = self.reference.image.shape, self.workspace.array
         residual, weight = array("residual", shape, self.dtype), array("pixel_weight", shape, self.dtype)
         floor = OF_CONTRAST * float(self.reference.image[::4, ::4].std())
+        if not self._weighings:
+            weight[:] = 1
         if self._weighings < FREEZE:
             find_weights(residual, *self._images()[:2], array("raw_weight", shape, self.dtype), weight, floor)
         apply_weights(weight, *self._images(), residual)

@@ -72,14 +72,14 @@ def _select(values: NDArray[Any], count: int) -> float:
 
 @kernel
 def scales_strip(
-    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], start: int, stop: int,
-    scales: NDArray[Any],
+    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], weight: NDArray[Any],
+    start: int, stop: int, scales: NDArray[Any],
 ) -> None:  # fmt: skip
-    """s₀ and e of the tile rows start … stop.
+    """s₀ and e of the tile rows start … stop, from the pixels whose weight is 1.
 
     Parameters
     ----------
-    residual, gradient_x, gradient_y : arrays, shape (height, width)
+    residual, gradient_x, gradient_y, weight : arrays, shape (height, width)
     scales : array, shape (2, tile rows, tile columns)
         NaN where a tile has less than a quarter of its pixels.
     """
@@ -94,7 +94,7 @@ def scales_strip(
             for y in range(top, bottom):
                 for x in range(left, right):
                     r = residual[y, x]
-                    if r == r:
+                    if r == r and weight[y, x] == 1:
                         sizes[count] = abs(r)
                         count += 1
                         power += gradient_x[y, x] ** 2 + gradient_y[y, x] ** 2
@@ -108,7 +108,7 @@ def scales_strip(
                 for x in range(left, right):
                     r = residual[y, x]
                     g = gradient_x[y, x] ** 2 + gradient_y[y, x] ** 2
-                    if r == r and g > mean_power / 2:
+                    if r == r and weight[y, x] == 1 and g > mean_power / 2:
                         ratios[steep] = abs(r) / math.sqrt(g)
                         steepness += 1 / g
                         steep += 1
@@ -252,7 +252,7 @@ def find_weights(
     """
     height, width = residual.shape
     scales = np.empty((2, -(-height // TILE), -(-width // TILE)))
-    over_strips(lambda a, b: scales_strip(residual, gradient_x, gradient_y, a, b, scales), scales.shape[1], 4)
+    over_strips(lambda a, b: scales_strip(residual, gradient_x, gradient_y, weight, a, b, scales), scales.shape[1], 4)
     scales = usual(scales, floor)
     over_strips(
         lambda a, b: raw_weights_strip(residual, gradient_x, gradient_y, scales, a, b, raw), height, _STRIP
