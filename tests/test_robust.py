@@ -79,9 +79,9 @@ def test_weights_are_those_of_the_formulas():
     residual, gx, gy, right = images()
     expected = naive_weight(residual, gx, gy, 1e-3)
     before = [part.copy() for part in (residual, gx, gy, right)]
-    raw, weight = np.empty((2, *residual.shape), np.float32)
+    raw, weight = np.ones((2, *residual.shape), np.float32)
     find_weights(residual, gx, gy, raw, weight, 1e-3)
-    apply_weights(weight, gx, gy, right, residual)
+    apply_weights(weight, gx, gy, right, residual, raw)
     np.testing.assert_allclose(weight, expected, atol=2e-4)
     assert 0 < (weight == 0).mean() < 0.05
     assert ((weight > 0) & (weight < 1)).any()
@@ -96,9 +96,9 @@ def test_gaussian_noise_keeps_its_weight():
     """Of Gaussian residuals 9 · 4.7e-4 of the pixels are touched."""
     rng = np.random.default_rng(1)
     residual, gx, gy, right = rng.normal(size=(4, 256, 256)).astype(np.float32)
-    raw, weight = np.empty((2, 256, 256), np.float32)
+    raw, weight = np.ones((2, 256, 256), np.float32)
     find_weights(residual, gx, gy, raw, weight, 1e-3)
-    apply_weights(weight, gx, gy, right, residual)
+    apply_weights(weight, gx, gy, right, residual, raw)
     assert 1 - weight.mean() < 0.005
 
 
@@ -108,9 +108,9 @@ def test_an_unresolved_motion_is_not_foreign():
     gx, gy = 20 * rng.normal(size=(2, 256, 256)).astype(np.float32)
     wave = 0.5 * np.sin(np.arange(256) / 20).astype(np.float32)
     residual = (wave * gx + rng.normal(size=(256, 256))).astype(np.float32)
-    raw, weight = np.empty((2, 256, 256), np.float32)
+    raw, weight = np.ones((2, 256, 256), np.float32)
     find_weights(residual, gx, gy, raw, weight, 1e-3)
-    apply_weights(weight, gx, gy, np.zeros_like(gx), residual)
+    apply_weights(weight, gx, gy, np.zeros_like(gx), residual, raw)
     assert 1 - weight.mean() < 0.01
 
 

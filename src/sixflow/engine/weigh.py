@@ -13,13 +13,22 @@ particle or a glint, is larger than a pixel. Gaussian noise keeps 0.995 of its w
 | s₀ | 1.4826 · median of ∣r∣ over a tile of 16 × 16 pixels: noise |
 | e | 1.4826 · median of ∣r∣/∣g∣ over its steeper pixels: displacement that the fit leaves, px |
 
-Medians stand up to 40 % of foreign pixels. The second term is what keeps the fit linear: where windows do not resolve
+Of these, pixels that lost weight in the pass before are left out. A median over all of them would stand 40 % of foreign
+pixels, but where many are foreign it is too large, so that some of them are kept, whose residuals are alike over several
+pixels: errors are large, and larger than the covariance says. From pass to pass the scales fall to those of the pixels
+that belong. Gaussian noise is not cut: nothing of it is beyond 3.5 s. The second term is what keeps the fit linear: where windows do not resolve
 the motion, steep pixels have large residuals, all of them, and none is an outlier. Of both scales the median
 over 5 × 5 tiles is taken, and it is interpolated between the tiles.
 
 The estimate is an M-estimate with ψ = ω r. Its covariance is the sandwich with Σ w ψ' J Jᵀ for bread, not Σ w ω J Jᵀ,
 and where ω falls ψ' is below ω by (2 t²)/(5² − 3.5²): pixels that are neither in nor out add noise. `weighing_noise`
 is the factor (mean ω / mean ψ')², which is 1 without foreign pixels.
+
+Frames without anything in common keep pixels too, those that are alike by chance. Of two independent Gaussian patterns
+of contrast C a pixel is kept with the probability P(|r| < 3.5 s) = erf(3.5 s/2C), and it is kept only where its
+neighbours are, which are about three independent pixels with it. Where the share of Σ w |g|² that is kept is below
+erf(3.5 s/2C)³, s/C being the residual over the contrast of the pixels that are kept (`by_chance`), a window
+tells nothing.
 
 Weighting multiplies gradient, right-hand side and residual by √ω in place: the normal equations then have ω, the
 sandwich ω². A pixel with almost no weight has none, like one without a partner: NaN residual, g = 0.
@@ -40,6 +49,7 @@ TILE = 16
 REACH = 2  # tiles: scales are medians over 5 × 5
 NORMAL = 1.4826  # standard deviation of a Gaussian over its median absolute value
 FULL, NONE = 3.5, 5.0  # standard deviations up to which a pixel keeps its weight, and where it has lost it
+ALIKE = 3  # of a pixel and its eight neighbours, as many agree by chance independently
 NEGLIGIBLE = 0.05  # weight that is taken for none
 LEAST_MISFIT = 0.02  # px: no fit is better than that on real pixels
 _STRIP = 64
@@ -178,12 +188,15 @@ def spread_strip(raw: NDArray[Any], start: int, stop: int, weight: NDArray[Any])
 @kernel
 def apply_strip(
     weight: NDArray[Any], start: int, stop: int, gradient_x: NDArray[Any], gradient_y: NDArray[Any],
-    right: NDArray[Any], residual: NDArray[Any],
+    right: NDArray[Any], residual: NDArray[Any], power: NDArray[Any],
 ) -> None:  # fmt: skip
-    """Multiply by √ω in place, rows start … stop."""
+    """Multiply by √ω in place, rows start … stop; `power` receives |g|² as it was."""
     zero, nothing = weight.dtype.type(0), weight.dtype.type(np.nan)
     for y in range(start, stop):
         w, gx, gy, q, r = weight[y], gradient_x[y], gradient_y[y], right[y], residual[y]
+        squares = power[y]
+        for x in range(w.size):
+            squares[x] = gx[x] * gx[x] + gy[x] * gy[x]
         for x in range(w.size):
             if w[x] == 1:
                 continue
@@ -208,6 +221,19 @@ def weight_slope(raw: NDArray[Any], weight: NDArray[Any]) -> NDArray[Any]:
 def weighing_noise(kept: NDArray[Any], slope: NDArray[Any]) -> NDArray[Any]:
     """Factor of the covariance from window means of ω and r dω/dr, at most 9; shape (…, 1, 1)."""
     return ((kept / np.maximum(kept + slope, kept / 3)) ** 2)[..., None, None]
+
+
+def by_chance(residual: NDArray[Any]) -> NDArray[np.float64]:
+    """Share of the texture that frames without anything in common would keep, of the residual over the contrast.
+
+    Examples
+    --------
+    >>> by_chance(np.array([0.05, 0.5])).round(3)
+    array([0.001, 0.481])
+    """
+    from scipy.special import erf
+
+    return np.asarray(erf(FULL / 2 * residual) ** ALIKE, dtype=np.float64)
 
 
 def usual(scales: NDArray[Any], floor: float) -> NDArray[Any]:
@@ -246,7 +272,7 @@ def find_weights(
     raw : array, shape (height, width)
         Receives the weight of every pixel by itself.
     weight : array, shape (height, width)
-        Receives ω; 1 where a pixel has no partner.
+        ω as found before, 1 to begin with. Receives ω; 1 where a pixel has no partner.
     floor : float
         Least standard deviation of the residual, grey: what rounding and interpolation may leave.
     """
@@ -262,11 +288,14 @@ def find_weights(
 
 def apply_weights(
     weight: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], right: NDArray[Any],
-    residual: NDArray[Any],
+    residual: NDArray[Any], power: NDArray[Any],
 ) -> None:  # fmt: skip
-    """Multiply gradient, right-hand side and residual by √ω in place; arrays of shape (height, width)."""
+    """Multiply gradient, right-hand side and residual by √ω in place; arrays of shape (height, width).
+
+    `power` receives |g|² as it was before.
+    """
     over_strips(
-        lambda a, b: apply_strip(weight, a, b, gradient_x, gradient_y, right, residual),
+        lambda a, b: apply_strip(weight, a, b, gradient_x, gradient_y, right, residual, power),
         weight.shape[0],
         _STRIP,
     )
