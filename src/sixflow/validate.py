@@ -51,7 +51,7 @@ MAXIMUM_ERROR = 0.5  # px: a larger standard error is no measurement
 MAXIMUM_RESIDUAL = 1.0  # of a zero-normalised residual: correlation 0.5
 SUSPECT_RESIDUAL = 0.6  # enough to call a window unmatched whose texture does not rise above the residual
 MINIMUM_WEIGHT = 0.2
-MINIMUM_KEPT = 0.05  # what foreign pixels have to leave of a window: fewer pixels could match by chance
+MINIMUM_KEPT = 0.1  # what foreign pixels have to leave of a window: fewer pixels could match by chance
 TYPICAL_SHARE = 0.98
 COMPLETE_WEIGHT = 0.98
 
