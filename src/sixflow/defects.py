@@ -100,7 +100,9 @@ def defects(image0: NDArray[Any], image1: NDArray[Any]) -> NDArray[np.int64]:
         around = np.stack(
             [image[np.clip(y + j, 0, height - 1), np.clip(x + i, 0, width - 1)] for j, i in _RING]
         )
-        along = image[y, x] - np.stack([image[y, x - 1] + image[y, x + 1], image[y - 1, x] + image[y + 1, x]]) / 2
+        along = (
+            image[y, x] - np.stack([image[y, x - 1] + image[y, x + 1], image[y - 1, x] + image[y + 1, x]]) / 2
+        )
         alone = np.abs(along).max(axis=0) > ALONE * np.abs(image[y, x] - np.median(around, axis=0))
         y, x = y[alone], x[alone]
     return np.stack([y, x])

@@ -13,22 +13,25 @@ particle or a glint, is larger than a pixel. Gaussian noise keeps 0.995 of its w
 | s₀ | 1.4826 · median of ∣r∣ over a tile of 16 × 16 pixels: noise |
 | e | 1.4826 · median of ∣r∣/∣g∣ over its steeper pixels: displacement that the fit leaves, px |
 
-Of these, pixels that lost weight in the pass before are left out. A median over all of them would stand 40 % of foreign
-pixels, but where many are foreign it is too large, so that some of them are kept, whose residuals are alike over several
-pixels: errors are large, and larger than the covariance says. From pass to pass the scales fall to those of the pixels
-that belong. Gaussian noise is not cut: nothing of it is beyond 3.5 s. The second term is what keeps the fit linear: where windows do not resolve
-the motion, steep pixels have large residuals, all of them, and none is an outlier. Of both scales the median
-over 5 × 5 tiles is taken, and it is interpolated between the tiles.
+Both medians are taken over the pixels that kept all their weight in the pass before. Over all pixels they would
+stand up to 40 % of foreign ones in principle; in fact they are too large long before, foreign pixels are kept, and as
+what is foreign lies over several pixels, errors exceed what the covariance says. From pass to pass the scales come down
+to those of the pixels that belong. Of Gaussian noise this cuts nothing, 0.0005 of it being beyond 3.5 s.
+
+The second term of s is what keeps the fit linear: where windows do not resolve the motion, steep pixels have large
+residuals, all of them, and none is an outlier. Of both scales the median over 5 × 5 tiles is taken, and it is
+interpolated between the tiles.
 
 The estimate is an M-estimate with ψ = ω r. Its covariance is the sandwich with Σ w ψ' J Jᵀ for bread, not Σ w ω J Jᵀ,
 and where ω falls ψ' is below ω by (2 t²)/(5² − 3.5²): pixels that are neither in nor out add noise. `weighing_noise`
 is the factor (mean ω / mean ψ')², which is 1 without foreign pixels.
 
-Frames without anything in common keep pixels too, those that are alike by chance. Of two independent Gaussian patterns
-of contrast C a pixel is kept with the probability P(|r| < 3.5 s) = erf(3.5 s/2C), and it is kept only where its
-neighbours are, which are about three independent pixels with it. Where the share of Σ w |g|² that is kept is below
-erf(3.5 s/2C)³, s/C being the residual over the contrast of the pixels that are kept (`by_chance`), a window
-tells nothing.
+Frames without anything in common keep pixels too: those that are alike by chance. Of two independent Gaussian patterns
+of contrast C a pixel is kept with the probability P(|r| < 3.5 s) = erf(3.5 s/2C), r having the variance 2C², and only
+where its neighbours are, which count as three independent ones at least. A window tells nothing where no more of its
+Σ w |g|² is kept than `by_chance`,
+
+    κ = erf(3.5 ρ/2)³,     ρ: residual over contrast of the pixels that are kept, for s/C.
 
 Weighting multiplies gradient, right-hand side and residual by √ω in place: the normal equations then have ω, the
 sandwich ω². A pixel with almost no weight has none, like one without a partner: NaN residual, g = 0.
@@ -49,7 +52,7 @@ TILE = 16
 REACH = 2  # tiles: scales are medians over 5 × 5
 NORMAL = 1.4826  # standard deviation of a Gaussian over its median absolute value
 FULL, NONE = 3.5, 5.0  # standard deviations up to which a pixel keeps its weight, and where it has lost it
-ALIKE = 3  # of a pixel and its eight neighbours, as many agree by chance independently
+ALIKE = 3  # independent pixels among a pixel and its eight neighbours, at least
 NEGLIGIBLE = 0.05  # weight that is taken for none
 LEAST_MISFIT = 0.02  # px: no fit is better than that on real pixels
 _STRIP = 64
@@ -224,7 +227,7 @@ def weighing_noise(kept: NDArray[Any], slope: NDArray[Any]) -> NDArray[Any]:
 
 
 def by_chance(residual: NDArray[Any]) -> NDArray[np.float64]:
-    """Share of the texture that frames without anything in common would keep, of the residual over the contrast.
+    """κ of ρ: what patterns without anything in common could keep of their gradients' power.
 
     Examples
     --------
@@ -278,7 +281,9 @@ def find_weights(
     """
     height, width = residual.shape
     scales = np.empty((2, -(-height // TILE), -(-width // TILE)))
-    over_strips(lambda a, b: scales_strip(residual, gradient_x, gradient_y, weight, a, b, scales), scales.shape[1], 4)
+    over_strips(
+        lambda a, b: scales_strip(residual, gradient_x, gradient_y, weight, a, b, scales), scales.shape[1], 4
+    )
     scales = usual(scales, floor)
     over_strips(
         lambda a, b: raw_weights_strip(residual, gradient_x, gradient_y, scales, a, b, raw), height, _STRIP
