@@ -113,14 +113,16 @@ def test_scales_come_down_to_the_pixels_that_belong():
     y, x = rng.integers(0, 252, (2, 1500))
     for j, i in np.ndindex(5, 5):
         blobs[y + j, x + i] = True
-    residual[blobs] += (np.where(rng.random(256) < 0.5, -9, 9) * np.ones((256, 1)))[blobs].astype(np.float32)
+    residual[blobs] += (np.where(rng.random(256) < 0.5, -12, 12) * np.ones((256, 1)))[blobs].astype(
+        np.float32
+    )
     raw, weight = np.ones((2, 256, 256), np.float32)
     shares = []
     for _ in range(10):
         find_weights(residual, gx, gy, raw, weight, 1e-3)
         shares.append((weight[blobs] < NEGLIGIBLE).mean())
     assert 0.4 < blobs.mean() < 0.5
-    assert shares[0] < 0.5
+    assert shares[0] < 0.8
     assert shares[-1] > 0.999
     inner = ~blobs
     for axis in (0, 1):

@@ -233,7 +233,7 @@ def by_chance(residual: NDArray[Any]) -> NDArray[np.float64]:
     Examples
     --------
     >>> by_chance(np.array([0.05, 0.5])).round(3)
-    array([0.001, 0.481])
+    array([0.001, 0.482])
     """
     from scipy.special import erf
 
