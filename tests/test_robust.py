@@ -14,6 +14,7 @@ from sixflow.engine.weigh import (
     REACH,
     TILE,
     apply_weights,
+    by_chance,
     find_weights,
     weighing_noise,
     weight_slope,
@@ -37,14 +38,14 @@ def images(shape=(70, 90), seed=0):
     return residual, gx, gy, right
 
 
-def naive_weight(residual, gx, gy, floor):
+def naive_weight(residual, gx, gy, before, floor):
     """ω from the formulas, with SciPy's interpolation between the tiles."""
     height, width = residual.shape
     tiles = -(-height // TILE), -(-width // TILE)
     scales = np.full((2, *tiles), np.nan)
     for j, i in np.ndindex(*tiles):
         box = np.s_[j * TILE : (j + 1) * TILE, i * TILE : (i + 1) * TILE]
-        known = np.isfinite(residual[box])
+        known = np.isfinite(residual[box]) & (before[box] >= NEGLIGIBLE)
         if 4 * known.sum() < TILE**2:
             continue
         r, power = (
@@ -77,12 +78,14 @@ def naive_weight(residual, gx, gy, floor):
 
 def test_weights_are_those_of_the_formulas():
     residual, gx, gy, right = images()
-    expected = naive_weight(residual, gx, gy, 1e-3)
+    raw, weight, power = np.ones((3, *residual.shape), np.float32)
+    weight[18:26, 28:35] = 0  # these say nothing of what is usual
+    expected = naive_weight(residual, gx, gy, weight.copy(), 1e-3)
     before = [part.copy() for part in (residual, gx, gy, right)]
-    raw, weight = np.empty((2, *residual.shape), np.float32)
     find_weights(residual, gx, gy, raw, weight, 1e-3)
-    apply_weights(weight, gx, gy, right, residual)
+    apply_weights(weight, gx, gy, right, residual, power)
     np.testing.assert_allclose(weight, expected, atol=2e-4)
+    np.testing.assert_allclose(power, before[1] ** 2 + before[2] ** 2, rtol=1e-5)
     assert 0 < (weight == 0).mean() < 0.05
     assert ((weight > 0) & (weight < 1)).any()
     kept = weight >= NEGLIGIBLE
@@ -96,10 +99,52 @@ def test_gaussian_noise_keeps_its_weight():
     """Of Gaussian residuals 9 · 4.7e-4 of the pixels are touched."""
     rng = np.random.default_rng(1)
     residual, gx, gy, right = rng.normal(size=(4, 256, 256)).astype(np.float32)
-    raw, weight = np.empty((2, 256, 256), np.float32)
+    raw, weight = np.ones((2, 256, 256), np.float32)
     find_weights(residual, gx, gy, raw, weight, 1e-3)
-    apply_weights(weight, gx, gy, right, residual)
+    apply_weights(weight, gx, gy, right, residual, raw)
     assert 1 - weight.mean() < 0.005
+
+
+def test_scales_come_down_to_the_pixels_that_belong():
+    """Blobs over 45 % of the frame: their residuals leave the scales, and then they are all found."""
+    rng = np.random.default_rng(8)
+    residual, gx, gy, _ = rng.normal(size=(4, 256, 256)).astype(np.float32)
+    blobs = np.zeros((256, 256), bool)
+    y, x = rng.integers(0, 252, (2, 1500))
+    for j, i in np.ndindex(5, 5):
+        blobs[y + j, x + i] = True
+    residual[blobs] += (np.where(rng.random(256) < 0.5, -12, 12) * np.ones((256, 1)))[blobs].astype(
+        np.float32
+    )
+    raw, weight = np.ones((2, 256, 256), np.float32)
+    shares = []
+    for _ in range(10):
+        find_weights(residual, gx, gy, raw, weight, 1e-3)
+        shares.append((weight[blobs] < NEGLIGIBLE).mean())
+    assert 0.4 < blobs.mean() < 0.5
+    assert shares[0] < 0.8
+    assert shares[-1] > 0.999
+    inner = ~blobs
+    for axis in (0, 1):
+        for by in (-1, 1):
+            inner &= ~np.roll(blobs, by, axis)
+    assert weight[inner].mean() > 0.7  # the others beside a blob lose theirs
+
+
+@pytest.mark.parametrize("make", [Speckle, Particles])
+def test_what_matches_by_chance(make):
+    """Of unrelated patterns, chance keeps less of the gradients' power than the bound, whatever is allowed."""
+    xy = np.meshgrid(np.arange(512.0), np.arange(512.0))
+    made = [make(seed=k).image(*xy) for k in (1, 2)]
+    first, second = ((m - m.mean()) / m.std() for m in made)
+    gy, gx = np.gradient((first + second) / 2)
+    for ratio in (0.1, 0.2, 0.4):
+        alone = np.abs(first - second) < FULL * ratio
+        padded = np.pad(alone, 1, mode="edge")
+        kept = np.all([padded[j : j + 512, i : i + 512] for j in range(3) for i in range(3)], axis=0)
+        share = (kept * (gx**2 + gy**2)).sum() / (gx**2 + gy**2).sum()
+        seen = np.sqrt(((first - second)[kept] ** 2).mean()) / first[kept].std()
+        assert 0 < share < by_chance(seen)
 
 
 def test_an_unresolved_motion_is_not_foreign():
@@ -108,9 +153,9 @@ def test_an_unresolved_motion_is_not_foreign():
     gx, gy = 20 * rng.normal(size=(2, 256, 256)).astype(np.float32)
     wave = 0.5 * np.sin(np.arange(256) / 20).astype(np.float32)
     residual = (wave * gx + rng.normal(size=(256, 256))).astype(np.float32)
-    raw, weight = np.empty((2, 256, 256), np.float32)
+    raw, weight = np.ones((2, 256, 256), np.float32)
     find_weights(residual, gx, gy, raw, weight, 1e-3)
-    apply_weights(weight, gx, gy, np.zeros_like(gx), residual)
+    apply_weights(weight, gx, gy, np.zeros_like(gx), residual, raw)
     assert 1 - weight.mean() < 0.01
 
 
@@ -177,6 +222,8 @@ CASES = {
     "dead pixels": (Particles(diameter=4, seed=1), {"dead": 0.05}),
     "dead pixels on speckle": (Speckle(seed=1), {"dead": 0.05}),
     "glare": (Speckle(seed=1), {"glare": 2.0}),
+    "all three": (Particles(diameter=4, unmatched=0.2, seed=1), {"dead": 0.05, "glare": 2.0}),
+    "half unmatched": (Particles(diameter=4, unmatched=0.5, seed=2), {}),
 }
 
 
@@ -193,6 +240,14 @@ def test_foreign_pixels_do_little_harm(case):
     z = (error / measured.standard_errors(robust))[known]
     assert (z[:, :2] > 5).any(axis=1).mean() < 0.01
     assert 0.7 < measured.rms(z[:, :2]).mean() < 1.35  # some 36 independent windows
+
+
+@pytest.mark.parametrize("diameter", [2.0, 3.0])
+def test_particles_without_anything_in_common_are_flagged(diameter):
+    """The dark between them matches by chance, more of it from pass to pass: nothing may be believed."""
+    first, second = (exposed(Particles(diameter=diameter, seed=k), seed=k) for k in (11, 12))
+    field = measure(first.frame0, second.frame1, search="pyramid")
+    assert measured.failed(field).mean() > 0.95
 
 
 def test_nothing_changes_where_nothing_is_foreign():

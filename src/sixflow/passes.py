@@ -40,14 +40,14 @@ from sixflow.normalise import Frame
 from sixflow.quality import Quality, Seen, feedback_scale
 from sixflow.restriction import ABSENT, allowed, confined, joined, maps_of, projection, unknowns
 from sixflow.settings import Settings
-from sixflow.validate import MINIMUM_TEXTURE, MINIMUM_WEIGHT
+from sixflow.validate import MINIMUM_KEPT, MINIMUM_TEXTURE, MINIMUM_WEIGHT
 from sixflow.workspace import Workspace
 
 STRIP = 64
 GRID_STRIP = 16
 CONTRACTION = 0.05  # what a pass leaves of the distance to its fixed point, at least (measured: 0.01 to 0.03)
 WEIGHED_CONTRACTION = 0.4  # the same where weights change from pass to pass
-FREEZE = 4  # weighed passes after which the weights stay: pixels in doubt could change sides for ever
+FREEZE = 10  # weighed passes after which the weights stay: pixels in doubt could change sides for ever
 OF_CONTRAST = (
     0.02  # of the frame's contrast: a residual that no pixel is called foreign for is 3.5 times that
 )
@@ -219,9 +219,11 @@ class Passes:
         shape, array = self.reference.image.shape, self.workspace.array
         residual, weight = array("residual", shape, self.dtype), array("pixel_weight", shape, self.dtype)
         floor = OF_CONTRAST * float(self.reference.image[::4, ::4].std())
+        if not self._weighings:
+            weight[:] = 1
         if self._weighings < FREEZE:
             find_weights(residual, *self._images()[:2], array("raw_weight", shape, self.dtype), weight, floor)
-        apply_weights(weight, *self._images(), residual)
+        apply_weights(weight, *self._images(), residual, array("gradient_power", shape, self.dtype))
         self._weighings += 1
 
     def begin(self) -> None:
@@ -283,20 +285,24 @@ class Passes:
         """
         return maps if self.settings.group == "affine" else joined(maps, self.grid.step)
 
+    @property
+    def _least_weight(self) -> float:
+        return MINIMUM_KEPT if self.robust else MINIMUM_WEIGHT
+
     def trust(self) -> NDArray[np.bool_]:
         """Where the last pass saw a texture above the noise, in windows that look alike; shape (rows,
         columns).
         """
         seen = self._seen()
         with np.errstate(invalid="ignore"):
-            similar = (seen.residual < TRUSTED_RESIDUAL) & (seen.weight > MINIMUM_WEIGHT)
+            similar = (seen.residual < TRUSTED_RESIDUAL) & (seen.weight > self._least_weight)
         return similar & (seen.texture > self.minimum_texture)
 
     def measurable(self) -> NDArray[np.bool_]:
         """Where the last pass saw enough of a window, and texture above the noise; shape (rows, columns)."""
         seen = self._seen()
         with np.errstate(invalid="ignore"):
-            return np.asarray((seen.weight > MINIMUM_WEIGHT) & (seen.texture > self.minimum_texture))
+            return np.asarray((seen.weight > self._least_weight) & (seen.texture > self.minimum_texture))
 
     @property
     def changing(self) -> bool:
@@ -360,11 +366,26 @@ class Passes:
         centre = moment_weights(self.settings.sigma / 2).astype(self.dtype)
         return Quality(
             covariance, seen.texture, seen.weight, seen.residual, seen.noise, seen.rho, self.minimum_texture,
-            self._partner, 1 - kept, 1 - self._share(weight, centre),
+            self._partner, 1 - kept, 1 - self._share(weight, centre), self._matched(seen),
         )  # fmt: skip
+
+    def _matched(self, seen: Seen) -> NDArray[np.float64]:
+        """Share of Σ w |g|², less noise, that the pixels' weights left; shape (rows, columns)."""
+        assert self._partner is not None
+        power = self.workspace.array("gradient_power", self.reference.image.shape, self.dtype)
+        moments, every = self._moments(), self._sums(power, self.weights)[1]
+        left = (moments[..., 0] + moments[..., 12]).astype(np.float64)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            of_noise = 2 * seen.noise_gradient / seen.weight
+            return np.asarray((left - of_noise * seen.weight) / (every - of_noise * self._partner))
 
     def _share(self, image: NDArray[Any], window: NDArray[Any]) -> NDArray[np.float64]:
         """Window means of an image without NaN; `window` as from `moment_weights`; shape (rows, columns)."""
+        weight, total = self._sums(image, window)
+        return total / weight
+
+    def _sums(self, image: NDArray[Any], window: NDArray[Any]) -> NDArray[np.float64]:
+        """Window sums of 1 and of an image without NaN; shape (2, rows, columns)."""
         out = self.workspace.array("statistics", (*self.grid.shape, 5), self.dtype)
         place = self.grid.origin_and_step
         over_strips(
@@ -372,7 +393,7 @@ class Passes:
             self.grid.rows,
             GRID_STRIP,
         )
-        return np.asarray(out[..., 3] / out[..., 0], dtype=np.float64)
+        return np.stack([out[..., 0], out[..., 3]]).astype(np.float64)
 
     def _covariance(self, seen: Seen, transform: NDArray[np.float64]) -> NDArray[Any]:
         """Covariance of the six numbers, `transform` times the unknowns θ; shape (rows, columns, 6, 6)."""

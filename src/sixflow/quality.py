@@ -36,6 +36,8 @@ class Quality:
         As `weight`, with the pixels that were left out as foreign; None where no pixels were weighed.
     foreign, foreign_centre : array, shape (rows, columns), or None
         Share of the window's weight, and of that of a window of half the size, that foreign pixels lost.
+    matched : array, shape (rows, columns), or None
+        Share of the gradients' squares, less noise, on the pixels that were not left out as foreign.
     light : array, shape (rows, columns, 2), or None
         Gain and offset of each window's light from the reference to the moved frame; None where none was allowed.
     held : bool array, shape (rows, columns), or None
@@ -52,6 +54,7 @@ class Quality:
     partner: NDArray[Any] | None = None
     foreign: NDArray[Any] | None = None
     foreign_centre: NDArray[Any] | None = None
+    matched: NDArray[Any] | None = None
     light: NDArray[Any] | None = None
     held: NDArray[np.bool_] | None = None
 

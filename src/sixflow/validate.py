@@ -31,6 +31,7 @@ from sixflow.convention.reference import SHARE
 from sixflow.engine.compiler import kernel
 from sixflow.engine.threads import over_strips
 from sixflow.engine.warp import LEAST_AREA
+from sixflow.engine.weigh import by_chance
 from sixflow.engine.window import attenuation_period, plain_window
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
@@ -50,6 +51,7 @@ MAXIMUM_ERROR = 0.5  # px: a larger standard error is no measurement
 MAXIMUM_RESIDUAL = 1.0  # of a zero-normalised residual: correlation 0.5
 SUSPECT_RESIDUAL = 0.6  # enough to call a window unmatched whose texture does not rise above the residual
 MINIMUM_WEIGHT = 0.2
+MINIMUM_KEPT = 0.1  # what foreign pixels have to leave of a window: fewer pixels could match by chance
 TYPICAL_SHARE = 0.98
 COMPLETE_WEIGHT = 0.98
 
@@ -248,8 +250,9 @@ def flag_points(
         flag[partner < COMPLETE_WEIGHT] |= FLAGS["border"]
         flag[unknown | ~measurable] |= FLAGS["low_texture"]
         unlike = quality.residual > np.where(measurable, MAXIMUM_RESIDUAL, SUSPECT_RESIDUAL)
-        least = MINIMUM_WEIGHT * np.clip(partner, 0.5, 1)  # of what has a partner, a fifth has to belong
-        gone = (outside & ~unknown) | (partner < MINIMUM_WEIGHT) | (quality.weight < least) | unlike
+        if quality.matched is not None:
+            unlike |= ~(quality.matched > by_chance(quality.residual))
+        gone = (outside & ~unknown) | (partner < MINIMUM_WEIGHT) | (quality.weight < MINIMUM_KEPT) | unlike
         flag[gone] |= FLAGS["unmatched"]
         flag[_collapses(maps, settings.reference)] |= FLAGS["outlier"]
         flag[left > np.maximum(2 * settings.tolerance, error / 2)] |= FLAGS["not_converged"]

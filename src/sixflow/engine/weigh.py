@@ -13,13 +13,26 @@ particle or a glint, is larger than a pixel. Gaussian noise keeps 0.995 of its w
 | s₀ | 1.4826 · median of ∣r∣ over a tile of 16 × 16 pixels: noise |
 | e | 1.4826 · median of ∣r∣/∣g∣ over its steeper pixels: displacement that the fit leaves, px |
 
-Medians stand up to 40 % of foreign pixels. The second term is what keeps the fit linear: where windows do not resolve
-the motion, steep pixels have large residuals, all of them, and none is an outlier. Of both scales the median
-over 5 × 5 tiles is taken, and it is interpolated between the tiles.
+Both medians are taken over the pixels that the pass before left any weight. Over all pixels they would stand up to 40 %
+of foreign ones in principle; in fact they are too large long before, foreign pixels are kept, and as what is foreign
+lies over several pixels, errors exceed what the covariance says. From pass to pass the scales come down to those of
+the pixels that belong. Of Gaussian noise this cuts nothing: 6e-7 of it is beyond 5 s. To leave out all pixels in
+doubt as well, beyond 3.5 s, would find no more of what is foreign, and cut into motions that are not resolved.
+
+The second term of s is what keeps the fit linear: where windows do not resolve the motion, steep pixels have large
+residuals, all of them, and none is an outlier. Of both scales the median over 5 × 5 tiles is taken, and it is
+interpolated between the tiles.
 
 The estimate is an M-estimate with ψ = ω r. Its covariance is the sandwich with Σ w ψ' J Jᵀ for bread, not Σ w ω J Jᵀ,
 and where ω falls ψ' is below ω by (2 t²)/(5² − 3.5²): pixels that are neither in nor out add noise. `weighing_noise`
 is the factor (mean ω / mean ψ')², which is 1 without foreign pixels.
+
+Frames without anything in common keep pixels too: those that are alike by chance. Of two independent Gaussian patterns
+of contrast C a pixel is kept with the probability P(|r| < 3.5 s) = erf(3.5 s/2C), r having the variance 2C², and only
+where its neighbours are, which count as three independent ones at least. A window tells nothing where no more of its
+Σ w |g|² is kept than `by_chance`,
+
+    κ = erf(3.5 ρ/2)³,     ρ: residual over contrast of the pixels that are kept, for s/C.
 
 Weighting multiplies gradient, right-hand side and residual by √ω in place: the normal equations then have ω, the
 sandwich ω². A pixel with almost no weight has none, like one without a partner: NaN residual, g = 0.
@@ -40,6 +53,7 @@ TILE = 16
 REACH = 2  # tiles: scales are medians over 5 × 5
 NORMAL = 1.4826  # standard deviation of a Gaussian over its median absolute value
 FULL, NONE = 3.5, 5.0  # standard deviations up to which a pixel keeps its weight, and where it has lost it
+ALIKE = 3  # independent pixels among a pixel and its eight neighbours, at least
 NEGLIGIBLE = 0.05  # weight that is taken for none
 LEAST_MISFIT = 0.02  # px: no fit is better than that on real pixels
 _STRIP = 64
@@ -72,14 +86,14 @@ def _select(values: NDArray[Any], count: int) -> float:
 
 @kernel
 def scales_strip(
-    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], start: int, stop: int,
-    scales: NDArray[Any],
+    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], weight: NDArray[Any],
+    start: int, stop: int, scales: NDArray[Any],
 ) -> None:  # fmt: skip
-    """s₀ and e of the tile rows start … stop.
+    """s₀ and e of the tile rows start … stop, from the pixels that have weight.
 
     Parameters
     ----------
-    residual, gradient_x, gradient_y : arrays, shape (height, width)
+    residual, gradient_x, gradient_y, weight : arrays, shape (height, width)
     scales : array, shape (2, tile rows, tile columns)
         NaN where a tile has less than a quarter of its pixels.
     """
@@ -94,7 +108,7 @@ def scales_strip(
             for y in range(top, bottom):
                 for x in range(left, right):
                     r = residual[y, x]
-                    if r == r:
+                    if r == r and weight[y, x] >= NEGLIGIBLE:
                         sizes[count] = abs(r)
                         count += 1
                         power += gradient_x[y, x] ** 2 + gradient_y[y, x] ** 2
@@ -108,7 +122,7 @@ def scales_strip(
                 for x in range(left, right):
                     r = residual[y, x]
                     g = gradient_x[y, x] ** 2 + gradient_y[y, x] ** 2
-                    if r == r and g > mean_power / 2:
+                    if r == r and weight[y, x] >= NEGLIGIBLE and g > mean_power / 2:
                         ratios[steep] = abs(r) / math.sqrt(g)
                         steepness += 1 / g
                         steep += 1
@@ -178,12 +192,15 @@ def spread_strip(raw: NDArray[Any], start: int, stop: int, weight: NDArray[Any])
 @kernel
 def apply_strip(
     weight: NDArray[Any], start: int, stop: int, gradient_x: NDArray[Any], gradient_y: NDArray[Any],
-    right: NDArray[Any], residual: NDArray[Any],
+    right: NDArray[Any], residual: NDArray[Any], power: NDArray[Any],
 ) -> None:  # fmt: skip
-    """Multiply by √ω in place, rows start … stop."""
+    """Multiply by √ω in place, rows start … stop; `power` receives |g|² as it was."""
     zero, nothing = weight.dtype.type(0), weight.dtype.type(np.nan)
     for y in range(start, stop):
         w, gx, gy, q, r = weight[y], gradient_x[y], gradient_y[y], right[y], residual[y]
+        squares = power[y]
+        for x in range(w.size):
+            squares[x] = gx[x] * gx[x] + gy[x] * gy[x]
         for x in range(w.size):
             if w[x] == 1:
                 continue
@@ -208,6 +225,19 @@ def weight_slope(raw: NDArray[Any], weight: NDArray[Any]) -> NDArray[Any]:
 def weighing_noise(kept: NDArray[Any], slope: NDArray[Any]) -> NDArray[Any]:
     """Factor of the covariance from window means of ω and r dω/dr, at most 9; shape (…, 1, 1)."""
     return ((kept / np.maximum(kept + slope, kept / 3)) ** 2)[..., None, None]
+
+
+def by_chance(residual: NDArray[Any]) -> NDArray[np.float64]:
+    """κ of ρ: what patterns without anything in common could keep of their gradients' power.
+
+    Examples
+    --------
+    >>> by_chance(np.array([0.05, 0.5])).round(3)
+    array([0.001, 0.482])
+    """
+    from scipy.special import erf
+
+    return np.asarray(erf(FULL / 2 * residual) ** ALIKE, dtype=np.float64)
 
 
 def usual(scales: NDArray[Any], floor: float) -> NDArray[Any]:
@@ -246,13 +276,15 @@ def find_weights(
     raw : array, shape (height, width)
         Receives the weight of every pixel by itself.
     weight : array, shape (height, width)
-        Receives ω; 1 where a pixel has no partner.
+        ω as found before, 1 to begin with. Receives ω; 1 where a pixel has no partner.
     floor : float
         Least standard deviation of the residual, grey: what rounding and interpolation may leave.
     """
     height, width = residual.shape
     scales = np.empty((2, -(-height // TILE), -(-width // TILE)))
-    over_strips(lambda a, b: scales_strip(residual, gradient_x, gradient_y, a, b, scales), scales.shape[1], 4)
+    over_strips(
+        lambda a, b: scales_strip(residual, gradient_x, gradient_y, weight, a, b, scales), scales.shape[1], 4
+    )
     scales = usual(scales, floor)
     over_strips(
         lambda a, b: raw_weights_strip(residual, gradient_x, gradient_y, scales, a, b, raw), height, _STRIP
@@ -262,11 +294,14 @@ def find_weights(
 
 def apply_weights(
     weight: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], right: NDArray[Any],
-    residual: NDArray[Any],
+    residual: NDArray[Any], power: NDArray[Any],
 ) -> None:  # fmt: skip
-    """Multiply gradient, right-hand side and residual by √ω in place; arrays of shape (height, width)."""
+    """Multiply gradient, right-hand side and residual by √ω in place; arrays of shape (height, width).
+
+    `power` receives |g|² as it was before.
+    """
     over_strips(
-        lambda a, b: apply_strip(weight, a, b, gradient_x, gradient_y, right, residual),
+        lambda a, b: apply_strip(weight, a, b, gradient_x, gradient_y, right, residual, power),
         weight.shape[0],
         _STRIP,
     )
