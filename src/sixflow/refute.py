@@ -12,8 +12,10 @@ tried on the pixels on its side of p, with weights w = exp(−|x − p|²/2s²) 
 
     L = N/2 · (R_p − R_n)/max(min(R_p, R_n), ν²),     N = (Σ w)²/Σ w²
 
-L is the logarithm of the likelihood ratio of n's motion to p's, with the residual that is there for noise. The point is
-refuted where L > 8, with s = σ/2 or s = σ/4. There are 16 neighbours and two sizes: 8 = ln(32/0.01).
+L is the logarithm of the likelihood ratio of n's motion to p's, with the residual that is there for noise. Where there is
+noise alone, r_p and r_n share that of frame 0, so that r_p² − r_n² has a variance of 3 ν⁴, and L one of 3 N/4. The point
+is refuted where L exceeds 3.5 of its standard deviations, L > 3.5 √(3N)/2, with s = σ/2 or s = σ/4: with 16 neighbours
+and two sizes chance does it in less than a percent of the points that are asked.
 
 *Smooth motion.* From a window away a curved field is mispredicted by much more than a window's own fit is wrong by: for
 the shortest period that is resolved, by 1.1 of the amplitude, and by a tenth. So L is negative whatever the noise.
@@ -31,7 +33,7 @@ then n's motion is out (Wald's sequential test). In smooth motion one or two row
 | M | `maps` |
 | σ | `sigma`, of the window about p |
 | a | `GAP` windows: pixels nearer to p belong to the edge of either side |
-| noise | `noise`, of one frame |
+| noise | `noise`, of one frame; at least `OF_CONTRAST`/√2 of frame 0's contrast, which rounding and interpolation leave |
 """
 
 from __future__ import annotations
@@ -51,12 +53,16 @@ from sixflow.engine.warp import warp_row
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
+from sixflow.passes import OF_CONTRAST
 from sixflow.quality import Quality
 from sixflow.settings import Settings
 
 DISTANCES = (1.0, 1.5)
 """Of the neighbours, windows."""
-EVIDENCE = 8.0
+EVIDENCE = 3.5
+"""Standard deviations of L."""
+REJECTED = -8.0
+"""L of a motion that is asked no further."""
 ERRORS = 5.0
 FLOOR = 0.1  # px
 GAP = 1 / 31  # windows
@@ -115,7 +121,7 @@ def _compare_row(
     share: float, motion: NDArray[Any], x: int, y: int, below: int, light: tuple[float, float],
     scratch: NDArray[Any], out: NDArray[Any],
 ) -> None:  # fmt: skip
-    """r of a motion about (x, y) in the row `below` it, at as many pixels on both sides; NaN where there is none."""
+    """Residuals of a motion in the row `below` (x, y), at as many pixels on both sides; NaN where there is none."""
     still, coefficients, valid, moved, moved_valid = frames
     side = out.size
     half, row = side // 2, y + below
@@ -149,13 +155,13 @@ def _evidence(
     ahead: tuple[float, float], sigma: float, gap: float, power: float, scratch: NDArray[Any],
     own: NDArray[Any], known: NDArray[Any], other: NDArray[Any],
 ) -> float:  # fmt: skip
-    """The larger L of both discs, or −inf as soon as it is as clear that p's own motion is right.
+    """The larger L of both discs, in standard deviations, or −inf as soon as n's motion is out.
 
     `own` (side, side) and `known` (side,) keep the residuals of p's own motion, row by row as they are wanted.
     """
     side = own.shape[0]
     half = side // 2
-    sums, ratio = np.zeros((2, 4)), np.zeros(2)
+    sums, ratio, excess = np.zeros((2, 4)), np.zeros(2), np.zeros(2)
     for n in range(side):
         below = (n + 1) // 2 if n % 2 else -(n // 2)
         if below * ahead[1] + half * abs(ahead[0]) <= gap:
@@ -181,10 +187,12 @@ def _evidence(
             total, squares, left, instead = sums[size]
             if total > 0:
                 least = max(min(left, instead), power * total)
-                ratio[size] = total * total / squares / 2 * (left - instead) / least
-        if ratio[0] < -EVIDENCE and ratio[1] < 0:
+                count = total * total / squares
+                ratio[size] = count / 2 * (left - instead) / least
+                excess[size] = ratio[size] / (math.sqrt(3 * count) / 2)
+        if ratio[0] < REJECTED and ratio[1] < 0:
             return -np.inf
-    return max(ratio[0], ratio[1])
+    return max(excess[0], excess[1])
 
 
 @kernel
@@ -280,7 +288,10 @@ def refuted(
     asked = (flag & (FAILING - FLAGS["edge"])) == 0
     variances = gradient_variances(quality.covariance)
     reach = np.stack(
-        [np.maximum(1, np.rint(part * np.nan_to_num(window, nan=grid.step) / grid.step)) for part in DISTANCES]
+        [
+            np.maximum(1, np.rint(part * np.nan_to_num(window, nan=grid.step) / grid.step))
+            for part in DISTANCES
+        ]
     ).astype(np.int64)
     suspects = np.zeros(grid.shape, np.bool_)
     over_strips(
@@ -301,9 +312,11 @@ def refuted(
         moved.interpolable(),
     )
     light = np.empty((0, 0, 2)) if quality.light is None else np.asarray(quality.light, np.float64)
+    least = OF_CONTRAST / math.sqrt(2) * float(still.image[::4, ::4].std())
+    noise = np.maximum(quality.noise, least)
     over_strips(
         lambda a, b: _refuted_strip(
-            frames, maps, variances, bend, quality.noise, light, asked, suspects, reach, window,
+            frames, maps, variances, bend, noise, light, asked, suspects, reach, window,
             grid.origin_and_step, share, degree + 1, a, b, found,
         ),
         grid.rows,
