@@ -13,6 +13,7 @@ from sixflow.engine.window import attenuation_period, window_sigma
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
+from sixflow.passes import OF_CONTRAST
 from sixflow.quality import Quality
 from sixflow.refute import DISTANCES, ERRORS, EVIDENCE, FLOOR, FOREIGN, GAP, refuted
 from sixflow.settings import Settings
@@ -38,7 +39,9 @@ def halves(share=0.0, gain=1.0, offset=0.0, contrast=0.5, seed=3):
             for n, d in enumerate((JUMP / 2, -JUMP / 2))
         )
         front = 1 / (1 + np.exp(-(x - EDGE + way * JUMP / 2) / 0.5))
-        made = Sensor(noise=NOISE, seed=seed).expose(120 + (1 - front) * (left - 40) + front * (right + 40), k)
+        made = Sensor(noise=NOISE, seed=seed).expose(
+            120 + (1 - front) * (left - 40) + front * (right + 40), k
+        )
         frames.append(Frame(np.asarray(made * (gain if k else 1) + (offset if k else 0)), EVERYWHERE))
     maps = np.zeros((6, *GRID.shape))
     maps[0] = np.where(GRID.x < EDGE, JUMP / 2, -JUMP / 2)
@@ -69,6 +72,7 @@ def fattened(maps, points):
 def twin(frames, maps, light=None, reference="first"):
     """Every neighbour tried on all pixels, by direct sums."""
     images = [frame.image for frame in frames]
+    least = (OF_CONTRAST * images[0][::4, ::4].std()) ** 2
     share, sigma, degree = SHARE[reference], window_sigma(WINDOW), 5
     variances = gradient_variances(quality().covariance)
     bend, found = curvature(maps, STEP, WINDOW), np.zeros(GRID.shape, bool)
@@ -82,7 +86,9 @@ def twin(frames, maps, light=None, reference="first"):
         values = []
         for image, way in zip(images, (-share, 1 - share), strict=True):
             there = x + way * u, y + way * v
-            inside = (there[0] >= 0) & (there[0] <= SHAPE[1] - 1) & (there[1] >= 0) & (there[1] <= SHAPE[0] - 1)
+            inside = (
+                (there[0] >= 0) & (there[0] <= SHAPE[1] - 1) & (there[1] >= 0) & (there[1] <= SHAPE[0] - 1)
+            )
             placed = [np.clip(place, 0, size - 1) for place, size in zip(there, SHAPE[::-1], strict=True)]
             values.append(np.where(inside, naive.interpolate(image, *placed, degree), np.nan))
         gain, offset = (1.0, 0.0) if light is None else light[j, i]
@@ -102,7 +108,9 @@ def twin(frames, maps, light=None, reference="first"):
                 differs = False
                 for c in (0, 1):
                     variance = variances[c, j, i] + variances[c, y, x]
-                    variance += h[0] ** 2 * variances[2 + 2 * c, y, x] + h[1] ** 2 * variances[3 + 2 * c, y, x]
+                    variance += (
+                        h[0] ** 2 * variances[2 + 2 * c, y, x] + h[1] ** 2 * variances[3 + 2 * c, y, x]
+                    )
                     apart = abs(told[c] - maps[c, j, i])
                     differs |= apart > FLOOR + bend[j, i] + ERRORS * np.sqrt(variance)
                 if not differs:
@@ -112,15 +120,18 @@ def twin(frames, maps, light=None, reference="first"):
                 along = (X * h[0] + Y * h[1]) / np.hypot(*h)
                 gap, power = GAP * WINDOW, 2 * NOISE**2
                 for size in (2, 4):
-                    w = np.exp(-(X**2 + Y**2) / 2 / (sigma / size) ** 2) * np.clip((along - gap) / 2 / gap, 0, 1)
+                    w = np.exp(-(X**2 + Y**2) / 2 / (sigma / size) ** 2) * np.clip(
+                        (along - gap) / 2 / gap, 0, 1
+                    )
                     w = np.where(np.isfinite(mine + other), w, 0)
                     if not w.any():
                         continue
                     left, instead = (
-                        (w * np.minimum(np.nan_to_num(r) ** 2, FOREIGN * power)).sum() / w.sum() for r in (mine, other)
+                        (w * np.minimum(np.nan_to_num(r) ** 2, FOREIGN * power)).sum() / w.sum()
+                        for r in (mine, other)
                     )
                     count = w.sum() ** 2 / (w**2).sum()
-                    ratio = count / 2 * (left - instead) / max(min(left, instead), power)
+                    ratio = count / 2 * (left - instead) / max(min(left, instead), least)
                     found[j, i] |= ratio > EVIDENCE * np.sqrt(3 * count) / 2
     return found
 
@@ -147,7 +158,7 @@ def test_points_with_the_motion_of_the_other_side_are_refuted_and_no_others(refe
 
 def test_a_side_without_texture_decides_nothing():
     frames, maps = halves(contrast=0.0)
-    maps, wrong = fattened(maps, 2)
+    maps, _ = fattened(maps, 2)
     assert not ask(frames, maps)[:, AWAY].any()
 
 

@@ -10,16 +10,17 @@ tried on the pixels on its side of p, with weights w = exp(−|x − p|²/2s²) 
 
     R_k = Σ w min(r_k², 100 ν²)/Σ w,    r_k = I₁(x + M_k) − I₀(x),    ν² = 2 noise²
 
-    L = N/2 · (R_p − R_n)/max(min(R_p, R_n), ν²),     N = (Σ w)²/Σ w²
+    L = N/2 · (R_p − R_n)/max(min(R_p, R_n), ν₀²),     N = (Σ w)²/Σ w²
 
-L is the logarithm of the likelihood ratio of n's motion to p's, with the residual that is there for noise. Where there is
-noise alone, r_p and r_n share that of frame 0, so that r_p² − r_n² has a variance of 3 ν⁴, and L one of 3 N/4. The point
-is refuted where L exceeds 3.5 of its standard deviations, L > 3.5 √(3N)/2, with s = σ/2 or s = σ/4: with 16 neighbours
-and two sizes chance does it in less than a percent of the points that are asked.
+L is the logarithm of the likelihood ratio of n's motion to p's, with what the better of both leaves for noise: the
+residual of the whole window, with the edge in it, would hide what the few pixels say. ν₀ is what rounding and
+interpolation leave. Where there is noise alone, r_p and r_n share that of frame 0, so that r_p² − r_n² has a variance of
+3 ν⁴, and L one of 3 N/4. The point is refuted where L exceeds 3.5 of its standard deviations, L > 3.5 √(3N)/2, with
+s = σ/2 or s = σ/4: with 16 neighbours and two sizes chance does it in about a percent of the points that are asked.
 
-*Smooth motion.* From a window away a curved field is mispredicted by much more than a window's own fit is wrong by: for
-the shortest period that is resolved, by 1.1 of the amplitude, and by a tenth. So L is negative whatever the noise.
-Chance is left where the two maps happen to agree. Therefore n is asked only if, in u or in v,
+*Smooth motion.* From a window away a curved field is mispredicted by much more than a window's own fit is wrong by:
+for the shortest period that is resolved, by up to 1.2 of the amplitude, and by a tenth. So L is negative whatever the
+noise. Chance is left where the two maps happen to agree. Therefore n is asked only if, in u or in v,
 
     |M_n(p) − M_p(p)| > 5 standard errors + 0.1 px + what half a window of curvature makes (`consistency.curvature`),
 
@@ -33,7 +34,8 @@ then n's motion is out (Wald's sequential test). In smooth motion one or two row
 | M | `maps` |
 | σ | `sigma`, of the window about p |
 | a | `GAP` windows: pixels nearer to p belong to the edge of either side |
-| noise | `noise`, of one frame; at least `OF_CONTRAST`/√2 of frame 0's contrast, which rounding and interpolation leave |
+| noise | `noise`, of one frame; not less than ν₀/√2 |
+| ν₀ | `OF_CONTRAST` of frame 0's contrast |
 """
 
 from __future__ import annotations
@@ -152,7 +154,7 @@ def _compare_row(
 def _evidence(
     frames: tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]],
     share: float, mine: NDArray[Any], told: NDArray[Any], x: int, y: int, light: tuple[float, float],
-    ahead: tuple[float, float], sigma: float, gap: float, power: float, scratch: NDArray[Any],
+    ahead: tuple[float, float], sigma: float, gap: float, power: float, floor: float, scratch: NDArray[Any],
     own: NDArray[Any], known: NDArray[Any], other: NDArray[Any],
 ) -> float:  # fmt: skip
     """The larger L of both discs, in standard deviations, or −inf as soon as n's motion is out.
@@ -186,7 +188,7 @@ def _evidence(
         for size in range(2):
             total, squares, left, instead = sums[size]
             if total > 0:
-                least = max(min(left, instead), power * total)
+                least = max(min(left, instead), floor * total)
                 count = total * total / squares
                 ratio[size] = count / 2 * (left - instead) / least
                 excess[size] = ratio[size] / (math.sqrt(3 * count) / 2)
@@ -200,7 +202,7 @@ def _refuted_strip(
     frames: tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]],
     maps: NDArray[Any], variances: NDArray[Any], bend: NDArray[Any], noise: NDArray[Any],
     light: NDArray[Any], asked: NDArray[Any], suspects: NDArray[Any], reach: NDArray[Any],
-    window: NDArray[Any], grid: tuple[int, int, int], share: float, taps: int, start: int, stop: int,
+    window: NDArray[Any], grid: tuple[int, int, int], share: float, taps: int, floor: float, start: int, stop: int,
     found: NDArray[Any],
 ) -> None:  # fmt: skip
     """Try the neighbours' maps on the pixels of both frames; `found` receives who is refuted."""
@@ -234,7 +236,7 @@ def _refuted_strip(
                         length = math.hypot(di, dj)
                         ahead = di / length, dj / length
                         clear = _evidence(
-                            frames, share, mine, told, px, py, tone, ahead, sigma, gap, power, scratch,
+                            frames, share, mine, told, px, py, tone, ahead, sigma, gap, power, floor, scratch,
                             own, known, other,
                         )  # fmt: skip
                         found[j, i] = clear > EVIDENCE
@@ -317,7 +319,7 @@ def refuted(
     over_strips(
         lambda a, b: _refuted_strip(
             frames, maps, variances, bend, noise, light, asked, suspects, reach, window,
-            grid.origin_and_step, share, degree + 1, a, b, found,
+            grid.origin_and_step, share, degree + 1, 2 * least**2, a, b, found,
         ),
         grid.rows,
         _STRIP,
