@@ -14,15 +14,15 @@ tried on the pixels on its side of p, with weights w = exp(−|x − p|²/2s²) 
 
 L is the logarithm of the likelihood ratio of n's motion to p's, with what the better of both leaves for noise: the
 residual of the whole window, with the edge in it, would hide what the few pixels say. ν₀ is what rounding and
-interpolation leave. Where there is noise alone, r_p and r_n share that of frame 0, so that r_p² − r_n² has a variance of
-3 ν⁴, and L one of 3 N/4. The point is refuted where L exceeds 3.5 of its standard deviations, L > 3.5 √(3N)/2, with
+interpolation leave. Where there is noise alone, r_p and r_n share that of frame 0, so that r_p² − r_n² has a variance
+of 3 ν⁴, and L one of 3 N/4. The point is refuted where L exceeds 3.5 of its standard deviations, L > 3.5 √(3N)/2, with
 s = σ/2 or s = σ/4: with 16 neighbours and two sizes chance does it in about a percent of the points that are asked.
 
 *Smooth motion.* From a window away a curved field is mispredicted by much more than a window's own fit is wrong by:
 for the shortest period that is resolved, by up to 1.2 of the amplitude, and by a tenth. So L is negative whatever the
 noise. Chance is left where the two maps happen to agree. Therefore n is asked only if, in u or in v,
 
-    |M_n(p) − M_p(p)| > 5 standard errors + 0.1 px + what half a window of curvature makes (`consistency.curvature`),
+    |M_n(p) − M_p(p)| > 5 standard errors + 0.3 px + what half a window of curvature makes (`consistency.curvature`),
 
 the last being three times what the window's own fit is wrong by.
 
@@ -45,6 +45,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 
 from sixflow.consistency import curvature, gradient_variances
 from sixflow.convention.reference import SHARE
@@ -66,7 +67,7 @@ EVIDENCE = 3.5
 REJECTED = -8.0
 """L of a motion that is asked no further."""
 ERRORS = 5.0
-FLOOR = 0.1  # px
+FLOOR = 0.3  # px: what is finer than the window, and less than that, is left to stand
 GAP = 1 / 31  # windows
 FOREIGN = 100.0
 """Mean squares of noise beyond which a pixel's residual tells nothing more."""
@@ -97,12 +98,12 @@ def _differs(
 
 @kernel
 def _suspects_strip(
-    maps: NDArray[Any], variances: NDArray[Any], asked: NDArray[Any], judged: NDArray[Any],
-    reach: NDArray[Any], step: int, start: int, stop: int, found: NDArray[Any],
+    maps: NDArray[Any], asked: NDArray[Any], judged: NDArray[Any], reach: NDArray[Any], step: int,
+    start: int, stop: int, found: NDArray[Any],
 ) -> None:  # fmt: skip
-    """Points about which any neighbour says something else, if the field were not curved."""
+    """Points about which any neighbour says something else, were there no noise and no curvature."""
     rows, columns = judged.shape
-    told = np.empty(6)
+    u, u_x, u_y, v, v_x, v_y = maps[0], maps[2], maps[3], maps[1], maps[4], maps[5]
     for j in range(start, stop):
         for i in range(columns):
             if not judged[j, i]:
@@ -112,9 +113,13 @@ def _suspects_strip(
                 for dj in range(-r, r + 1, r):
                     for di in range(-r, r + 1, r):
                         y, x = j + dj, i + di
-                        if found[j, i] or y < 0 or x < 0 or y >= rows or x >= columns or not asked[y, x]:
+                        if y < 0 or x < 0 or y >= rows or x >= columns or not asked[y, x]:
                             continue
-                        found[j, i] = _differs(maps, variances, 0.0, j, i, dj, di, step, told)
+                        hx, hy = di * step, dj * step
+                        apart_u = u[y, x] - hx * u_x[y, x] - hy * u_y[y, x] - u[j, i]
+                        apart_v = v[y, x] - hx * v_x[y, x] - hy * v_y[y, x] - v[j, i]
+                        if abs(apart_u) > FLOOR or abs(apart_v) > FLOOR:
+                            found[j, i] = True
 
 
 @kernel
@@ -242,6 +247,14 @@ def _refuted_strip(
                         found[j, i] = clear > EVIDENCE
 
 
+def _near(marked: NDArray[np.bool_], window: NDArray[Any], step: int) -> NDArray[np.bool_]:
+    """Points within half a window of the marked ones."""
+    if not marked.any():
+        return marked
+    reach = max(1, round(float(np.median(window[marked])) / 2 / step))
+    return np.asarray(maximum_filter(marked, 2 * reach + 1), dtype=np.bool_)
+
+
 def refuted(
     still: Frame,
     moved: Frame,
@@ -263,8 +276,8 @@ def refuted(
         u, v, u_x, u_y, v_x, v_y, told where `settings.reference` says.
     quality : Quality
     flag : uint16 array, shape (rows, columns)
-        Points that failed are not judged, nor those that are said to be unresolved; points at edges are asked for
-        their motion, others that failed are not.
+        Points that failed are not judged, nor those within half a window of what is said to be unresolved: there the
+        fit is known to be wrong. Points at edges are asked for their motion, others that failed are not.
     window : array, shape (rows, columns)
         Window of each point, px.
     settings : Settings
@@ -286,23 +299,19 @@ def refuted(
     0
     """
     found = np.zeros(grid.shape, np.bool_)
-    judged = (flag & (FAILING | FLAGS["unresolved"])) == 0
+    judged = ((flag & FAILING) == 0) & ~_near(flag & FLAGS["unresolved"] != 0, window, grid.step)
     asked = (flag & (FAILING - FLAGS["edge"])) == 0
-    variances = gradient_variances(quality.covariance)
-    reach = np.stack(
-        [
-            np.maximum(1, np.rint(part * np.nan_to_num(window, nan=grid.step) / grid.step))
-            for part in DISTANCES
-        ]
-    ).astype(np.int64)
+    windows = np.nan_to_num(window, nan=float(grid.step)) / grid.step
+    reach = np.stack([np.maximum(1, np.rint(part * windows)).astype(np.int64) for part in DISTANCES])
     suspects = np.zeros(grid.shape, np.bool_)
     over_strips(
-        lambda a, b: _suspects_strip(maps, variances, asked, judged, reach, grid.step, a, b, suspects),
+        lambda a, b: _suspects_strip(maps, asked, judged, reach, grid.step, a, b, suspects),
         grid.rows,
         4 * _STRIP,
     )
     if not suspects.any():
         return found
+    variances = gradient_variances(quality.covariance)
     bend = curvature(np.where(asked, maps, np.nan), grid.step, float(np.median(window[suspects])))
     degree, share = DEGREE[settings.interpolation], SHARE[settings.reference]
     none = np.empty((0, 0), still.image.dtype)
