@@ -26,6 +26,7 @@ from sixflow.pieces import Start, share_failed
 from sixflow.placing import placed
 from sixflow.quality import Quality
 from sixflow.refine import refine
+from sixflow.refute import refuted
 from sixflow.region_light import RegionLight
 from sixflow.resolution import Level, choose, ladder, search_settings
 from sixflow.restriction import joined
@@ -33,7 +34,7 @@ from sixflow.roundtrip import no_return
 from sixflow.search.growth import Judged, Scene, extrapolated
 from sixflow.search.stage import find_motion
 from sixflow.settings import Settings
-from sixflow.validate import flag_points, settle
+from sixflow.validate import fill_failed, flag_points, settle
 from sixflow.workspace import Workspace
 
 
@@ -103,6 +104,8 @@ class Between:
             measured = self._single(found, simple)
         else:
             measured = self._seen_as_asked(found)
+        if measured.quality.foreign is not None:
+            measured.flag[self._refuted(measured)] |= FLAGS["edge"]
         if self.settings.forward_backward:
             measured.flag[self._strays(measured)] |= FLAGS["forward_backward"]
         return measured
@@ -174,6 +177,15 @@ class Between:
         maps, quality, left = refine(passes, start, sharpened=sharpened)
         flag = flag_points(passes.dense(maps), quality, left, self.grid, self.judged, settings)
         return Level(settings, maps, quality, left, flag)
+
+    def _refuted(self, there: Measured) -> NDArray[np.bool_]:
+        """Points beside which a neighbour's motion fits better; where no pixel is foreign there is no edge."""
+        maps = self._dense(there.maps)
+        frames = self.still, self.moved
+        if self.light is not None:
+            known = np.where((there.flag & FAILING) != 0, np.nan, maps)
+            frames = self.light.divided_out(*frames, fill_failed(known, self.grid.step), self._share)
+        return refuted(*frames, self.grid, maps, there.quality, there.flag, there.window, self.settings)
 
     def _strays(self, there: Measured) -> NDArray[np.bool_]:
         """Points that do not return where they came from, by a measurement from frame 1 to frame 0."""

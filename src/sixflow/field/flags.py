@@ -21,9 +21,10 @@ low_texture: the window's texture does not rise above the noise. unmatched: the 
 has left the other frame, or the windows do not look alike. outlier: the point contradicts its neighbours in
 displacement or gradient, or stands alone among failed ones. not_converged: the last pass still moved the point.
 residual: the window's residual is far above what its neighbours' noise explains. edge: the window lies across a motion
-edge. unresolved: the motion has structure finer than the window resolves; the value stands, and is wrong
-by more than its covariance. forward_backward: the motion measured back does not return to the point. replaced: the
-value is not measured but predicted by the neighbours; the bits that say why stand beside it.
+edge, or a neighbour's motion fits the pixels beside the point better. unresolved: the motion has structure finer
+than the window resolves; the value stands, and is wrong by more than its covariance. forward_backward: the motion
+measured back does not return to the point. replaced: the value is not measured but predicted by the neighbours; the
+bits that say why stand beside it.
 """
 
 STANDING = FLAGS["border"] | FLAGS["unresolved"] | FLAGS["replaced"]
