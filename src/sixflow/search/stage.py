@@ -13,8 +13,9 @@
 | more than `LOST` | one affine map of the whole frames, coarse to fine from it, and growth |
 | still more than `LOST` | for a few regions, the largest first: one affine map, and growth, each region by itself |
 
-Of two fields, that with fewer missed points is kept. Nothing is tried where nothing was missed: small motion costs the
-pyramid, and no more.
+Of two fields, that with fewer missed points is kept. In the end points in doubt are tried again (`doubt`), but for
+"pyramid". Nothing is tried where nothing was missed, and no pixel is foreign: small motion costs the pyramid, and no
+more.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
+from sixflow.search.doubt import reconsidered
 from sixflow.search.growth import Judged, Scene, grown
 from sixflow.search.plane import Plane, find_plane
 from sixflow.search.pyramid import pyramid
@@ -55,11 +57,15 @@ def find_motion(
     """
     search = _Search(scene, settings, workspace)
     if guess is not None:
-        return search.from_guess(guess)
-    if settings.search == "spectrum":
-        return search.from_spectrum()
-    found = search.coarse_to_fine()
-    return found if settings.search == "pyramid" else search.further(found)
+        found = search.from_guess(guess)
+    elif settings.search == "spectrum":
+        found = search.from_spectrum()
+    else:
+        found = search.coarse_to_fine()
+        if settings.search == "pyramid":
+            return found
+        found = search.further(found)
+    return reconsidered(found, scene)
 
 
 class _Search:

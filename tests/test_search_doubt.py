@@ -1,0 +1,120 @@
+"""Doubt: points that settled on what is foreign are tried again from what the others predict."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import measured
+from sixflow import measure
+from sixflow.field.flags import FLAGS
+from sixflow.grid import Grid
+from sixflow.normalise import NO_MASK, Frame
+from sixflow.quality import Quality
+from sixflow.search import stage
+from sixflow.search.doubt import MOST, NOISY, reconsidered
+from sixflow.search.growth import Judged, Scene
+from sixflow.synth import Affine, Particles, Sensor, pair
+from sixflow.validate import MINIMUM_WEIGHT
+
+SHAPE = (10, 12)
+ONES = np.ones(SHAPE)
+FOUND = Quality(np.zeros((*SHAPE, 6, 6)), ONES, ONES, ONES, ONES, ONES, foreign=0 * ONES)
+CORNER = np.zeros(SHAPE, bool)
+CORNER[:3, :3] = True
+
+
+def judged(wrong=False, *, noise=None, weight=None, foreign=True, failed=False):
+    """A field that moves by 4 px, but for where it is wrong."""
+    maps = np.zeros((6, *SHAPE))
+    maps[0] = np.where(wrong, 0.0, 4.0)
+    quality = dataclasses.replace(
+        FOUND,
+        noise=ONES if noise is None else noise,
+        weight=ONES if weight is None else weight,
+        foreign=FOUND.foreign if foreign else None,
+    )
+    flag = np.where(np.broadcast_to(failed, SHAPE), FLAGS["outlier"], 0).astype(np.uint16)
+    return Judged(maps, quality, flag)
+
+
+def scene(*answers):
+    """A scene that gives these answers, one after the other, and the starts that it was asked for."""
+    starts, left = [], list(answers)
+
+    def judge(start, _):
+        starts.append(start)
+        return left.pop(0)
+
+    image = Frame(np.zeros((80, 96)), NO_MASK)
+    return Scene(image, image, Grid.over((80, 96), 8), 31.0, judge), starts
+
+
+def test_noisy_points_begin_where_the_others_say():
+    first, second = judged(CORNER, noise=np.where(CORNER, 1.1 * NOISY, 1.0)), judged()
+    place, starts = scene(second)
+    assert reconsidered(first, place) is second
+    assert len(starts) == 1
+    np.testing.assert_allclose(starts[0][0], 4.0)
+
+
+def test_thin_points_too():
+    first, second = judged(CORNER, weight=np.where(CORNER, 0.9 * MINIMUM_WEIGHT, 1.0)), judged()
+    place, starts = scene(second)
+    assert reconsidered(first, place) is second
+    np.testing.assert_allclose(starts[0][0], 4.0)
+
+
+def test_a_field_with_as_many_doubts_is_not_taken():
+    for doubts in ({"noise": np.where(CORNER, 3.0, 1.0)}, {"weight": np.where(CORNER, 0.1, 1.0)}):
+        first = judged(CORNER, **doubts)
+        place, starts = scene(judged(**doubts), judged(**doubts))
+        assert reconsidered(first, place) is first
+        assert starts
+
+
+def test_doubts_may_become_fewer_in_steps():
+    """A step that leaves fewer noisy points but more failed ones is gone on from, and not kept for itself."""
+    fewer = CORNER & (np.arange(12) < 2)
+    first = judged(CORNER, noise=np.where(CORNER, 3.0, 1.0))
+    middle = judged(fewer, noise=np.where(fewer, 3.0, 1.0), failed=~CORNER & (np.arange(12) < 4))
+    last = judged()
+    assert reconsidered(first, scene(middle, last)[0]) is last
+    stuck = judged(fewer, noise=np.where(fewer, 3.0, 1.0))
+    assert reconsidered(first, scene(middle, stuck)[0]) is first
+
+
+@pytest.mark.parametrize(
+    "found",
+    [
+        judged(),
+        judged(CORNER, noise=np.where(CORNER, 3.0, 1.0), weight=np.where(CORNER, 0.1, 1.0), foreign=False),
+        judged(CORNER, noise=np.where(CORNER, 3.0, 1.0), failed=CORNER),
+        judged(weight=np.where(np.arange(SHAPE[1]) < (MOST + 0.2) * SHAPE[1], 0.1, 1.0) * ONES),
+        judged(noise=ONES * np.nan, failed=True),
+    ],
+    ids=["no doubt", "nothing foreign", "failed", "too many", "nothing measured"],
+)
+def test_nothing_is_tried(found):
+    place, starts = scene()
+    assert reconsidered(found, place) is found
+    assert not starts
+
+
+@pytest.mark.parametrize("seed", [3, 9])
+def test_dust_and_reflections_are_not_followed(seed, monkeypatch):
+    """Foreign pixels that stand still, more of them than of particles, where the particles move by 5 px."""
+    motion = Affine.from_six((2.0, -1.5, 0.008, 0.012, 0.006, -0.005), centre=(191.5, 191.5))
+    made = pair(
+        Particles(diameter=4, unmatched=0.2, seed=seed), motion, (384, 384),
+        sensor=Sensor(noise=2, seed=seed, dead=0.05, glare=2.0),
+    )  # fmt: skip
+    field = measure(made.frame0, made.frame1)
+    monkeypatch.setattr(stage, "reconsidered", lambda found, _: found)
+    once = measure(made.frame0, made.frame1)
+    wrong, wrong_once = (
+        int((np.abs(measured.errors(f, made)[..., :2]) > 0.5).any(axis=-1).sum()) for f in (field, once)
+    )
+    assert wrong_once >= 5
+    assert wrong == 0
+    assert measured.failed(field).sum() <= measured.failed(once).sum()
