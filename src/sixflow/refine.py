@@ -57,7 +57,10 @@ def refine(
     while not sharpened and done < settings.passes * (WEIGHED_PASSES if passes.robust else 1):
         filled = maps
         if done or passes.robust:
-            filled = settle(passes.dense(maps), step, settings.window, curved=passes.robust)
+            filled = passes.dense(maps)
+            if passes.robust:  # what foreign pixels leave without texture wanders, and would take its neighbours along
+                filled = np.where(passes.measurable(), filled, np.nan)
+            filled = settle(filled, step, settings.window, curved=passes.robust)
         maps = passes.solve(filled)
         done += 1
         update = np.hypot(maps[0] - filled[0], maps[1] - filled[1])
