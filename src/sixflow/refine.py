@@ -58,7 +58,9 @@ def refine(
         filled = maps
         if done or passes.robust:
             filled = passes.dense(maps)
-            if passes.robust:  # what foreign pixels leave without texture wanders, and would take its neighbours along
+            if (
+                passes.robust
+            ):  # what foreign pixels leave without texture wanders, and would take its neighbours along
                 filled = np.where(passes.measurable(), filled, np.nan)
             filled = settle(filled, step, settings.window, curved=passes.robust)
         maps = passes.solve(filled)
