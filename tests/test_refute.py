@@ -15,7 +15,7 @@ from sixflow.grid import Grid
 from sixflow.normalise import Frame
 from sixflow.passes import OF_CONTRAST
 from sixflow.quality import Quality
-from sixflow.refute import DISTANCES, ERRORS, EVIDENCE, FLOOR, FOREIGN, GAP, refuted
+from sixflow.refute import DISTANCES, ERRORS, EVIDENCE, EXPLAINED, FLOOR, FOREIGN, GAP, refuted
 from sixflow.settings import Settings
 from sixflow.synth import Affine, Sensor, Speckle, Star, pair, render
 
@@ -132,7 +132,8 @@ def twin(frames, maps, light=None, reference="first"):
                     )
                     count = w.sum() ** 2 / (w**2).sum()
                     ratio = count / 2 * (left - instead) / max(min(left, instead), least)
-                    found[j, i] |= ratio > EVIDENCE * np.sqrt(3 * count) / 2
+                    explained = instead < power * (1 + EXPLAINED * np.sqrt(2 / count))
+                    found[j, i] |= explained and ratio > EVIDENCE * np.sqrt(3 * count) / 2
     return found
 
 
@@ -217,6 +218,16 @@ def test_fewer_points_beside_an_edge_are_wrong(monkeypatch):
             edge = (field.flag.values[0] & FLAGS["edge"]) != 0
             assert not edge[:, np.abs(field.x.values - EDGE) > WINDOW].any()
     assert wrong[1] < wrong[0]
+
+
+def test_a_motion_that_explains_nothing_refutes_nothing():
+    """What lies beside the point belongs to neither: another pattern in frame 1."""
+    frames, maps = halves()
+    maps, wrong = fattened(maps, 2)
+    assert ask(frames, maps)[wrong].any()
+    other = frames[1].image.copy()
+    other[:, int(EDGE) - 40 : int(EDGE)] = halves(seed=20)[0][1].image[:, int(EDGE) - 40 : int(EDGE)]
+    assert not ask([frames[0], Frame(other, EVERYWHERE)], maps)[wrong].any()
 
 
 def test_nobody_is_asked_where_no_pixel_is_foreign(monkeypatch):

@@ -17,6 +17,8 @@ residual of the whole window, with the edge in it, would hide what the few pixel
 interpolation leave. Where there is noise alone, r_p and r_n share that of frame 0, so that r_p² − r_n² has a variance
 of 3 ν⁴, and L one of 3 N/4. The point is refuted where L exceeds 3.5 of its standard deviations, L > 3.5 √(3N)/2, with
 s = σ/2 or s = σ/4: with 16 neighbours and two sizes chance does it in about a percent of the points that are asked.
+Where n's motion does not explain the pixels either, R_n > ν² (1 + 3 √(2/N)), something else is there, and L says
+nothing.
 
 *Smooth motion.* From a window away a curved field is mispredicted by much more than a window's own fit is wrong by:
 for the shortest period that is resolved, by up to 1.2 of the amplitude, and by a tenth. So L is negative whatever the
@@ -64,6 +66,8 @@ DISTANCES = (1.0, 1.5)
 """Of the neighbours, windows."""
 EVIDENCE = 3.5
 """Standard deviations of L."""
+EXPLAINED = 3.0
+"""Standard deviations by which R_n may exceed ν²."""
 REJECTED = -8.0
 """L of a motion that is asked no further."""
 ERRORS = 5.0
@@ -196,7 +200,8 @@ def _evidence(
                 least = max(min(left, instead), floor * total)
                 count = total * total / squares
                 ratio[size] = count / 2 * (left - instead) / least
-                excess[size] = ratio[size] / (math.sqrt(3 * count) / 2)
+                explained = instead < total * power * (1 + EXPLAINED * math.sqrt(2 / count))
+                excess[size] = ratio[size] / (math.sqrt(3 * count) / 2) if explained else -np.inf
         if ratio[0] < REJECTED and ratio[1] < 0:
             return -np.inf
     return max(excess[0], excess[1])
