@@ -150,6 +150,14 @@ def test_attenuation_of_a_wave(period):
             assert columns.mean() == pytest.approx(response, abs=4 * scatter + 0.01)
 
 
+def test_a_strict_tolerance_does_not_take_sharpening_away():
+    """Passes that rounding keeps from coming nearer have not diverged: points keep the finer resolution."""
+    made = pair(Speckle(), Wave(0.2, 60.0), (256, 256))
+    field = measure(made.frame0, made.frame1, sharpen=4, tolerance=1e-3)
+    period = field.resolution.values[np.isfinite(field.resolution.values)]
+    assert (period < 1.01 * period.min()).mean() > 0.98
+
+
 @pytest.mark.parametrize("sharpen", [1, 3])
 def test_noise_of_sharpening(sharpen):
     """Noise grows by the factors of `sharpening_noise`, and the predicted errors with it."""

@@ -9,7 +9,16 @@ from sixflow.grid import Grid
 from sixflow.normalise import NO_MASK, Frame
 from sixflow.quality import Quality
 from sixflow.settings import Settings
-from sixflow.validate import LIMIT, _collapses, _islands, fill_failed, flag_points, median_outliers, settle
+from sixflow.validate import (
+    LIMIT,
+    _collapses,
+    _islands,
+    _unsupported,
+    fill_failed,
+    flag_points,
+    median_outliers,
+    settle,
+)
 
 STEP, WINDOW = 8, 31  # neighbours are asked 2 points away
 GRID = Grid(3, 3, STEP, 12, 10)
@@ -210,6 +219,18 @@ def test_border_alone_does_not_fail():
     standing = FLAGS["border"] | FLAGS["unresolved"] | FLAGS["replaced"]
     assert sum(FLAGS.values()) == FAILING | standing
     assert not FAILING & standing
+
+
+def test_points_without_support_take_those_with_them_that_stand_on_them():
+    failed = np.ones((12, 12), bool)
+    failed[7:, 7:] = False
+    for place in ((2, 2), (2, 3), (3, 3), (3, 4)):  # the outer two first, then the inner two
+        failed[place] = False
+    masked = np.zeros_like(failed)
+    alone = _unsupported(failed, masked)
+    assert alone[2:4, 2:5].sum() == 4
+    assert not alone[7:, 7:].any()
+    assert not _unsupported(masked, failed).any()  # what nobody asked for has not failed
 
 
 def test_small_islands_that_match_poorly_are_chance():

@@ -44,6 +44,7 @@ from sixflow.validate import settle, typical
 _STRIP = 16
 SHARPEN_PASSES = 8
 _HELD = 1 / 8  # of a whole stride
+_STANDS = 0.005  # px: passes that stop coming nearer than this have not diverged, whatever the tolerance
 SHARPENED = 0.3  # what a sharpening pass leaves of its update, at most (measured: 0.1 to 0.3)
 
 
@@ -172,6 +173,7 @@ def sharpen(passes: Passes, maps: NDArray[Any], left: NDArray[Any], *, sharpened
     maps = plain = settle(np.where(measurable, maps, np.nan), step, settings.window)
     if not sharpened:
         maps = window.deconvolve(maps, settings.sharpen)
+    far = max(settings.tolerance, _STANDS)
     known, held = left, np.zeros(passes.grid.shape, np.bool_)
     stride, before = np.ones(passes.grid.shape), np.full(passes.grid.shape, np.inf)
     for _ in range(SHARPEN_PASSES):
@@ -180,7 +182,7 @@ def sharpen(passes: Passes, maps: NDArray[Any], left: NDArray[Any], *, sharpened
         aim = window.deconvolve(window.fit(maps) + np.where(failed, 0, increment), settings.sharpen)
         distance = np.where(failed, np.nan, np.hypot(aim[0] - maps[0], aim[1] - maps[1]))
         with np.errstate(invalid="ignore"):
-            stride[(distance > 0.7 * before) & (distance > settings.tolerance)] /= 2
+            stride[(distance > 0.7 * before) & (distance > far)] /= 2
         if not sharpened:
             held |= stride <= _HELD
         moved = settle(np.where(measurable, maps + stride * (aim - maps), np.nan), step, reach)
@@ -190,6 +192,6 @@ def sharpen(passes: Passes, maps: NDArray[Any], left: NDArray[Any], *, sharpened
             break
     if not sharpened:
         with np.errstate(invalid="ignore"):
-            held |= left > 2 * settings.tolerance
+            held |= left > 2 * far
     left = np.where(held & ~np.isnan(left), known, left)
     return Sharpened(np.where(np.isnan(left), np.nan, np.where(held, plain, maps)), left, held)

@@ -290,16 +290,28 @@ def _compare_with_neighbours(
 
 
 def _unsupported(failed: NDArray[np.bool_], masked: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Points most of whose neighbours failed: an island in a region that could not be measured is chance."""
-    counts = []
-    for kind in (failed, ~failed & ~masked):
-        around = np.pad(kind.astype(np.int8), 1)
-        rows, columns = kind.shape
-        total = sum(
-            around[j : j + rows, i : i + columns] for j in range(3) for i in range(3) if (j, i) != (1, 1)
-        )
-        counts.append(total)
-    return ~failed & (counts[0] > 2 * counts[1])
+    """Points most of whose neighbours failed, and those left without neighbours by that: an island in a region that
+    could not be measured is chance.
+    """
+    alone = np.zeros_like(failed)
+    while True:
+        gone, here = (_neighbours(kind) for kind in (failed | alone, ~failed & ~alone & ~masked))
+        more = ~failed & ~alone & (gone > 2 * here)
+        if not more.any():
+            return alone
+        alone |= more
+
+
+def _neighbours(points: NDArray[np.bool_]) -> NDArray[np.int8]:
+    """How many of the eight neighbours of every point are among some points."""
+    around = np.pad(points.astype(np.int8), 1)
+    rows, columns = points.shape
+    total = np.zeros(points.shape, np.int8)
+    for j in range(3):
+        for i in range(3):
+            if (j, i) != (1, 1):
+                total += around[j : j + rows, i : i + columns]
+    return total
 
 
 def _islands(failed: NDArray[np.bool_], residual: NDArray[Any], window: float) -> NDArray[np.bool_]:
