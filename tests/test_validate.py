@@ -13,9 +13,9 @@ from sixflow.validate import (
     LIMIT,
     _collapses,
     _islands,
-    _unsupported,
     fill_failed,
     flag_points,
+    isolated,
     median_outliers,
     settle,
 )
@@ -226,11 +226,11 @@ def test_points_without_support_take_those_with_them_that_stand_on_them():
     failed[7:, 7:] = False
     for place in ((2, 2), (2, 3), (3, 3), (3, 4)):  # the outer two first, then the inner two
         failed[place] = False
-    masked = np.zeros_like(failed)
-    alone = _unsupported(failed, masked)
+    alone = isolated(np.where(failed, FLAGS["unmatched"], 0).astype(np.uint16))
     assert alone[2:4, 2:5].sum() == 4
     assert not alone[7:, 7:].any()
-    assert not _unsupported(masked, failed).any()  # what nobody asked for has not failed
+    # what nobody asked for has not failed
+    assert not isolated(np.where(failed, FLAGS["masked"], 0).astype(np.uint16)).any()
 
 
 def test_small_islands_that_match_poorly_are_chance():

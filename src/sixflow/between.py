@@ -34,7 +34,7 @@ from sixflow.roundtrip import no_return
 from sixflow.search.growth import Judged, Scene, extrapolated
 from sixflow.search.stage import find_motion
 from sixflow.settings import Settings
-from sixflow.validate import fill_failed, flag_points, settle
+from sixflow.validate import fill_failed, flag_points, isolated, settle
 from sixflow.workspace import Workspace
 
 
@@ -108,6 +108,7 @@ class Between:
             measured.flag[self._refuted(measured)] |= FLAGS["edge"]
         if self.settings.forward_backward:
             measured.flag[self._strays(measured)] |= FLAGS["forward_backward"]
+        measured.flag[isolated(measured.flag)] |= FLAGS["outlier"]
         return measured
 
     def _confirmed(self, found: Judged) -> bool:

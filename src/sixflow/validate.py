@@ -290,16 +290,17 @@ def _compare_with_neighbours(
 
 
 def _unsupported(failed: NDArray[np.bool_], masked: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Points most of whose neighbours failed, and those left without neighbours by that: an island in a region that
-    could not be measured is chance.
-    """
-    alone = np.zeros_like(failed)
-    while True:
-        gone, here = (_neighbours(kind) for kind in (failed | alone, ~failed & ~alone & ~masked))
-        more = ~failed & ~alone & (gone > 2 * here)
-        if not more.any():
-            return alone
+    """Points most of whose neighbours failed: an island in a region that could not be measured is chance."""
+    return ~failed & (_neighbours(failed) > 2 * _neighbours(~failed & ~masked))
+
+
+def isolated(flag: NDArray[np.uint16]) -> NDArray[np.bool_]:
+    """Points of a finished field most of whose neighbours failed, and those that lose their neighbours by that."""
+    masked = (flag & FLAGS["masked"]) != 0
+    failed, alone = ((flag & FAILING) != 0) & ~masked, np.zeros(flag.shape, np.bool_)
+    while (more := _unsupported(failed | alone, masked) & ~masked).any():
         alone |= more
+    return alone
 
 
 def _neighbours(points: NDArray[np.bool_]) -> NDArray[np.int8]:
