@@ -28,7 +28,8 @@ DOT = "#ff5a36"
 
 def draw_maps(results: list[CaseResult], ours: tuple[str, ...], peers: tuple[str, ...]) -> Figure:
     """Draw the maps of a set: our columns, and the peers with the least median error."""
-    names = (*(name for name in ours if name not in LEFT_OUT), *_best(results, peers))
+    ran = {name for result in results for name in result.entries}
+    names = (*(name for name in ours if name in ran and name not in LEFT_OUT), *_best(results, peers))
     names = tuple(dict.fromkeys(names))
     cell = (WIDTH - BAR) / len(names)
     tall = [cell * result.case.truth.shape[0] / result.case.truth.shape[1] for result in results]
