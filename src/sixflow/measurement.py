@@ -19,9 +19,10 @@ from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import joined_attrs, said_of_pairs
 from sixflow.masks import MaskLike, Masks
+from sixflow.pair import PairResult, Prepared
 from sixflow.search.guess import without_guess
 from sixflow.sequence import Update, check_update, follow
-from sixflow.session import PairResult, Prepared, Session
+from sixflow.session import Session
 from sixflow.settings import Settings, SettingsOptions
 
 Pairs = Literal["consecutive", "first", "incremental"]

@@ -34,10 +34,10 @@ from sixflow.engine.spline import DEGREE, gradient_noise, noise_variance
 from sixflow.engine.threads import over_strips
 from sixflow.engine.warp import DERIVATIVE, bring_strip, warp_strip
 from sixflow.engine.weigh import NEGLIGIBLE, apply_weights, find_weights, weighing_noise, weight_slope
-from sixflow.engine.window import moment_weights, sharpening_noise
+from sixflow.engine.window import moment_weights
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
-from sixflow.quality import Quality, Seen, feedback_scale
+from sixflow.quality import Quality, Seen, feedback_scale, shrunk_noise, six_from_unknowns
 from sixflow.restriction import ABSENT, allowed, confined, joined, maps_of, projection, unknowns
 from sixflow.settings import Settings
 from sixflow.validate import MINIMUM_KEPT, MINIMUM_TEXTURE, MINIMUM_WEIGHT
@@ -331,7 +331,7 @@ class Passes:
         """Covariance and quality of what the last pass found, sharpened so many times but where points were held."""
         quality = self._quality(sharpened)
         if held is not None and held.any():
-            scale = np.diag(_six_from_unknowns(1.0, 0) @ np.linalg.inv(_six_from_unknowns(1.0, sharpened)))
+            scale = np.diag(six_from_unknowns(1.0, 0) @ np.linalg.inv(six_from_unknowns(1.0, sharpened)))
             covariance = quality.covariance
             covariance[held] *= np.outer(scale, scale).astype(covariance.dtype)
             quality = dataclasses.replace(quality, held=held)
@@ -341,7 +341,7 @@ class Passes:
 
     def _quality(self, sharpened: int) -> Quality:
         seen = self._seen()
-        transform = _six_from_unknowns(self.settings.sigma, sharpened)
+        transform = six_from_unknowns(self.settings.sigma, sharpened)
         covariance = self._covariance(seen, transform)
         if self.settings.lowpass:
             absorbed = self._absorbed(seen, covariance, transform)
@@ -502,17 +502,6 @@ class Passes:
         return noise_gradient, texture, rho
 
 
-def shrunk_noise(maps: NDArray[Any]) -> NDArray[np.float64]:
-    """Factor on the power of the residual's noise where the moved frame is smaller; shape (rows, columns).
-
-    On the pixels of the reference, the moved frame's noise is as white as its own for det F ≥ 1. For det F < 1 it is
-    interpolated between pixels further apart: as strong, but of 1/det F the power at the frequencies that are left.
-    """
-    area = (1 + maps[2]) * (1 + maps[5]) - maps[3] * maps[4]
-    with np.errstate(divide="ignore"):
-        return (1 + np.nan_to_num(np.clip(1 / np.abs(area), 1, 16), nan=1.0)) / 2
-
-
 def _mean_plane(maps: NDArray[Any], grid: Grid) -> NDArray[np.float64]:
     """One affine map about pixel (0, 0) close to all maps of the grid: their mean gradient and mean
     displacement.
@@ -522,21 +511,3 @@ def _mean_plane(maps: NDArray[Any], grid: Grid) -> NDArray[np.float64]:
     mean[0] -= mean[2] * x + mean[3] * y
     mean[1] -= mean[4] * x + mean[5] * y
     return mean
-
-
-def _six_from_unknowns(sigma: float, sharpened: int) -> NDArray[np.float64]:
-    """Matrix from θ = (u, σu_x, σu_y, v, σv_x, σv_y) to the six numbers, with the noise factors of
-    sharpening.
-    """
-    displacement, gradient = sharpening_noise(sharpened) if sharpened else (1.0, 1.0)
-    g = gradient / sigma
-    return np.array(
-        [
-            [displacement, 0, 0, 0, 0, 0],
-            [0, 0, 0, displacement, 0, 0],
-            [0, g, 0, 0, 0, g],
-            [0, 0, -g, 0, g, 0],
-            [0, g, 0, 0, 0, -g],
-            [0, 0, g, 0, g, 0],
-        ]
-    )

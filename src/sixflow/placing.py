@@ -29,6 +29,14 @@ _STEPS = 12
 _CLOSE = 1e-6  # px
 
 
+def surface_of(maps: NDArray[Any], grid: Grid) -> HermiteSurface:
+    """The displacement (u, v) between the points of a grid, px, from maps (6, rows, columns) there."""
+    u_v, along_x, along_y = (maps[rows].astype(np.float64) for rows in ([0, 1], [2, 4], [3, 5]))
+    return HermiteSurface(
+        grid.x.astype(float), grid.y.astype(float), values=u_v, slopes_x=along_x, slopes_y=along_y
+    )
+
+
 def placed(maps: NDArray[Any], grid: Grid, share: float) -> NDArray[np.float64]:
     """Tell maps about frame 0's points at the grid points of the frame that `share` of the way leads to.
 
@@ -54,13 +62,7 @@ def placed(maps: NDArray[Any], grid: Grid, share: float) -> NDArray[np.float64]:
     True
     """
     x, y = (place.ravel().astype(np.float64) for place in np.meshgrid(grid.x, grid.y))
-    surface = HermiteSurface(
-        grid.x.astype(float),
-        grid.y.astype(float),
-        values=maps[:2].astype(np.float64),
-        slopes_x=maps[[2, 4]].astype(np.float64),
-        slopes_y=maps[[3, 5]].astype(np.float64),
-    )
+    surface = surface_of(maps, grid)
     X, Y = x.copy(), y.copy()
     for _ in range(_STEPS):
         d, F = _there(surface, X, Y, share)

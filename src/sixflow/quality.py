@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.engine.solve import FEEDBACK_STEP, noise_feedback
+from sixflow.engine.window import sharpening_noise
 from sixflow.validate import MINIMUM_TEXTURE
 
 
@@ -83,3 +84,32 @@ def feedback_scale(rho: NDArray[Any]) -> NDArray[np.float64]:
     entry = np.clip(np.nan_to_num(rho) / FEEDBACK_STEP, 0, noise_feedback().shape[1] - 1)
     displacement, gradient = noise_feedback()[:, entry.astype(int)]
     return np.stack([displacement] * 2 + [gradient] * 4, axis=-1)
+
+
+def shrunk_noise(maps: NDArray[Any]) -> NDArray[np.float64]:
+    """Factor on the power of the residual's noise where the moved frame is smaller; shape (rows, columns).
+
+    On the pixels of the reference, the moved frame's noise is as white as its own for det F ≥ 1. For det F < 1 it is
+    interpolated between pixels further apart: as strong, but of 1/det F the power at the frequencies that are left.
+    """
+    area = (1 + maps[2]) * (1 + maps[5]) - maps[3] * maps[4]
+    with np.errstate(divide="ignore"):
+        return (1 + np.nan_to_num(np.clip(1 / np.abs(area), 1, 16), nan=1.0)) / 2
+
+
+def six_from_unknowns(sigma: float, sharpened: int) -> NDArray[np.float64]:
+    """Matrix from θ = (u, σu_x, σu_y, v, σv_x, σv_y) to the six numbers, with the noise factors of
+    sharpening.
+    """
+    displacement, gradient = sharpening_noise(sharpened) if sharpened else (1.0, 1.0)
+    g = gradient / sigma
+    return np.array(
+        [
+            [displacement, 0, 0, 0, 0, 0],
+            [0, 0, 0, displacement, 0, 0],
+            [0, g, 0, 0, 0, g],
+            [0, 0, -g, 0, g, 0],
+            [0, g, 0, 0, 0, -g],
+            [0, 0, g, 0, g, 0],
+        ]
+    )

@@ -18,10 +18,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from sixflow.engine.hermite import HermiteSurface
 from sixflow.grid import Grid
 from sixflow.normalise import Frame, flatten_lighting
-from sixflow.placing import placed
+from sixflow.placing import placed, surface_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,13 +83,7 @@ class RegionLight:
         there = placed(maps, grid, way)
         height, width = self.inside.shape
         x, y = np.arange(width, dtype=float), np.arange(height, dtype=float)
-        surface = HermiteSurface(
-            grid.x.astype(float),
-            grid.y.astype(float),
-            values=there[:2],
-            slopes_x=there[[2, 4]],
-            slopes_y=there[[3, 5]],
-        )
+        surface = surface_of(there, grid)
         u, v = surface.on_grid(x, y)
         places = np.stack([y[:, None] - v, x - u])
         carried: NDArray[np.float64] = scipy.ndimage.map_coordinates(

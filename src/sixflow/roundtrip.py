@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.hermite import HermiteSurface
 from sixflow.grid import Grid
+from sixflow.placing import surface_of
 
 FLOOR = 0.1  # px
 ERRORS = 3.0
@@ -38,9 +38,7 @@ def closure(
     share : float
         s: 0 for motions told where they begin, ½ in the middle of their way.
     """
-    surface = HermiteSurface(
-        grid.x, grid.y, values=backward[:2], slopes_x=backward[[2, 4]], slopes_y=backward[[3, 5]]
-    )
+    surface = surface_of(backward, grid)
     way = 1 - 2 * share
     x, y = grid.x + way * maps[0], grid.y[:, None] + way * maps[1]
     known = np.isfinite(x) & np.isfinite(y)

@@ -27,9 +27,10 @@ from numpy.typing import ArrayLike, NDArray
 from sixflow.convention import SIX
 from sixflow.errors import InputError
 from sixflow.masks import Bodies, Masks
+from sixflow.pair import PairResult, Prepared
 from sixflow.pieces import Start
 from sixflow.placing import leaves
-from sixflow.session import PairResult, Prepared, Session
+from sixflow.session import Session
 from sixflow.trajectory import Motion, carried, joined
 from sixflow.validate import fill_failed
 

@@ -9,7 +9,6 @@ import dataclasses
 import hashlib
 import math
 from collections.abc import Sequence
-from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
@@ -29,6 +28,7 @@ from sixflow.grid import Grid
 from sixflow.lighting import Change
 from sixflow.masks import Bodies
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
+from sixflow.pair import PairResult, Prepared
 from sixflow.pieces import Found, Part, Start, room_to_move, share_failed, with_margin
 from sixflow.placing import masked_points, placed
 from sixflow.region_light import RegionLight
@@ -38,83 +38,12 @@ from sixflow.restriction import ABSENT
 from sixflow.search.guess import Guess, maps_of_guess
 from sixflow.search.pyramid import pyramid
 from sixflow.settings import Settings
-from sixflow.trajectory import Motion, one_frames_share
 from sixflow.version import __version__
 from sixflow.workspace import Workspace
 
 FAILED = 0.5  # share of a body's points that have to fail near where it was, before it is sought in the whole frame
 
 MANY_BODIES = 4  # from which one search for all, to begin with, is cheaper than one for each
-
-
-@dataclasses.dataclass(frozen=True)
-class PairResult:
-    """What was measured of one pair; arrays (rows, columns, …) as in `sixflow.field.dataset`, NaN at failed points
-    that were not replaced.
-    """
-
-    six: NDArray[Any]
-    covariance: NDArray[Any]
-    residual: NDArray[Any]
-    noise: NDArray[Any]
-    resolution: NDArray[Any]
-    flag: NDArray[np.uint16]
-    body: NDArray[np.int32] | None
-    window: float
-    numbers: tuple[int, int]
-    digest: str
-    notes: tuple[str, ...]
-    memory: int
-    rho: NDArray[Any]
-    moved_covariance: NDArray[Any] | None = None
-    measured_from: int | None = None
-
-    @property
-    def motion(self) -> Motion:
-        """The result as a step of a trajectory."""
-        moved = self.moved_covariance
-        if moved is None:
-            moved = self.covariance * one_frames_share(self.rho)[..., None, None]
-        return Motion(
-            self.six,
-            self.covariance,
-            moved.astype(self.six.dtype),
-            self.flag,
-            self.residual,
-            self.noise,
-            self.body,
-        )
-
-
-@dataclasses.dataclass
-class Prepared:
-    """A frame that has been checked and normalised, with what is remembered of the raw one.
-
-    `unlit` is the frame before its local light was divided out.
-    """
-
-    frame: Frame
-    digesting: Future[bytes]
-    mean: float
-    spread: float
-    notes: tuple[str, ...]
-    bodies: Bodies | None = None
-    unlit: Frame | None = None
-
-    @property
-    def raw(self) -> Frame:
-        """The frame with its local light."""
-        return self.frame if self.unlit is None else self.unlit
-
-    @property
-    def digest(self) -> bytes:
-        """SHA-256 of the raw frame."""
-        return self.digesting.result()
-
-    @property
-    def mask_content(self) -> bytes:
-        """The mask, for digests; empty without one."""
-        return b"" if self.bodies is None else self.bodies.content
 
 
 class Session:

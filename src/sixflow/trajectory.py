@@ -50,7 +50,7 @@ from sixflow.engine.hermite import HermiteSurface
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.grid import Grid
 from sixflow.masks import Bodies
-from sixflow.placing import placed
+from sixflow.placing import placed, surface_of
 from sixflow.validate import fill_failed
 
 Array = NDArray[Any]
@@ -231,13 +231,7 @@ def carried(bodies: Bodies, motion: Motion, grid: Grid) -> Bodies | None:
         if not own.any():
             continue
         there = placed(fill_failed(np.where(own, maps, np.nan), grid.step), grid, 1.0)
-        surface = HermiteSurface(
-            grid.x.astype(float),
-            grid.y.astype(float),
-            values=there[:2],
-            slopes_x=there[[2, 4]],
-            slopes_y=there[[3, 5]],
-        )
+        surface = surface_of(there, grid)
         x, y = np.arange(width), np.arange(height)
         u, v = surface.on_grid(x.astype(float), y.astype(float))
         i, j = np.rint(x - u).astype(np.intp), np.rint(y[:, None] - v).astype(np.intp)

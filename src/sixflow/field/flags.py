@@ -12,6 +12,8 @@ FLAGS = {
     "unresolved": 256,
     "forward_backward": 512,
     "replaced": 1024,
+    "repeated": 2048,
+    "bad_frame": 4096,
 }
 """Meaning of each bit of `flag`.
 
@@ -24,7 +26,8 @@ residual: the window's residual is far above what its neighbours' noise explains
 edge, or a neighbour's motion fits the pixels beside the point better. unresolved: the motion has structure finer
 than the window resolves; the value stands, and is wrong by more than its covariance. forward_backward: the motion
 measured back does not return to the point. replaced: the value is not measured but predicted by the neighbours; the
-bits that say why stand beside it.
+bits that say why stand beside it. repeated: the two frames are the same to the last bit, which is a copy and no
+measurement of no motion. bad_frame: one of the frames cannot be read or used.
 """
 
 STANDING = FLAGS["border"] | FLAGS["unresolved"] | FLAGS["replaced"]

@@ -12,6 +12,9 @@ from typing import Any, TypeAlias, cast
 from numpy.typing import NDArray
 
 from sixflow.errors import FrameFileError
+from sixflow.frames.bad import BadFrame
+from sixflow.frames.metadata import Metadata
+from sixflow.frames.selection import Selection
 
 Array: TypeAlias = NDArray[Any]
 
@@ -23,10 +26,13 @@ class FrameFile(abc.ABC):
     ----------
     path : Path
         An existing, readable file.
+    selection : Selection
+        Channel, slice and position of files that hold several. Which frames along time are wanted is not the file's
+        business: it counts and reads all of them.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, selection: Selection = Selection()) -> None:  # noqa: B008 - it is frozen
+        self.path, self.selection = path, selection
 
     @property
     @abc.abstractmethod
@@ -34,13 +40,22 @@ class FrameFile(abc.ABC):
         """Number of frames in the file."""
 
     @abc.abstractmethod
-    def read(self, start: int = 0) -> Iterator[Array]:
-        """Yield the frames from number `start` on, as stored: shape (h, w) or (h, w, c)."""
+    def read(self, start: int = 0) -> Iterator[Array | BadFrame]:
+        """Yield the frames from number `start` on, as stored: shape (h, w) or (h, w, c).
+
+        A frame that cannot be read is a `BadFrame` where those after it can be; a file that cannot be read at all
+        raises `FrameFileError`.
+        """
 
     @property
     def times(self) -> Array | None:
         """Time of each frame, s, shape (count,); None where the file does not say."""
         return None
+
+    @property
+    def metadata(self) -> Metadata:
+        """What the file says of itself; complete after the first frame."""
+        return Metadata()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -62,10 +77,10 @@ class Format:
     reader: str
     is_video: bool = False
 
-    def open(self, path: Path) -> FrameFile:
+    def open(self, path: Path, selection: Selection = Selection()) -> FrameFile:  # noqa: B008 - it is frozen
         """Return the file, ready to be read."""
         module, name = self.reader.split(":")
-        return cast(FrameFile, getattr(importlib.import_module(module), name)(path))
+        return cast(FrameFile, getattr(importlib.import_module(module), name)(path, selection))
 
 
 FORMATS = (

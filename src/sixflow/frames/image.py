@@ -14,6 +14,7 @@ from PIL import ExifTags, Image
 
 from sixflow.errors import FrameFileError
 from sixflow.frames.formats import FrameFile
+from sixflow.frames.selection import Selection
 
 Array: TypeAlias = NDArray[Any]
 
@@ -25,8 +26,8 @@ _KEPT_MODES = {"1", "L", "LA", "RGB", "RGBA", "I;16", "I;16L", "I;16B", "I", "F"
 class ImageFile(FrameFile):
     """A PNG, JPEG, BMP or PNM file. Grey values keep their depth; only 16-bit colour does not."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
+    def __init__(self, path: Path, selection: Selection = Selection()) -> None:  # noqa: B008 - it is frozen
+        super().__init__(path, selection)
         self._notes: tuple[str, ...] = ()
 
     @property

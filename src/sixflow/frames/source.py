@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.errors import FrameFileError, InputError
+from sixflow.frames.bad import BadFrame
 from sixflow.frames.formats import FrameFile
 from sixflow.frames.grey import to_grey
+from sixflow.frames.metadata import Metadata
 from sixflow.frames.paths import FoundFiles, require_readable
 
 Array: TypeAlias = NDArray[Any]
@@ -50,9 +52,15 @@ class FrameSource(abc.ABC):
     def __init__(self) -> None:
         with contextlib.closing(self._raw(0)) as frames:
             found = next(frames, None)
+            bad = found
+            while found is not None and isinstance(found[1], BadFrame):  # the first that can be read
+                found = next(frames, None)
         if found is None:
+            if bad is not None and isinstance(bad[1], BadFrame):
+                raise bad[1].error
             raise InputError(f"{self._origin()}: no frames; give at least two to measure a motion")
         self._first_name, frame = found
+        assert not isinstance(frame, BadFrame)
         grey, grey_notes = to_grey(frame, self._first_name)
         self.shape: tuple[int, int] = (grey.shape[0], grey.shape[1])
         self.dtype: np.dtype[Any] = grey.dtype
@@ -66,7 +74,7 @@ class FrameSource(abc.ABC):
         """Number of frames; None where only reading them would tell."""
 
     @abc.abstractmethod
-    def _raw(self, start: int) -> Generator[tuple[str, Array]]:
+    def _raw(self, start: int) -> Generator[tuple[str, Array | BadFrame]]:
         """Yield name and stored pixels of the frames from number `start` on."""
 
     @abc.abstractmethod
@@ -80,6 +88,16 @@ class FrameSource(abc.ABC):
     def times(self) -> Array | None:
         """Time of each frame, s, shape (count,); None where it is not recorded."""
         return None
+
+    @property
+    def numbers(self) -> range:
+        """Number of each frame in the whole recording, of which this may be a part."""
+        return range(self.count or 0)
+
+    @property
+    def metadata(self) -> Metadata:
+        """What the recording says of itself besides its pixels."""
+        return Metadata()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -117,15 +135,38 @@ class FrameSource(abc.ABC):
         InputError
             If a frame has another shape or type than the first.
         """
+        for frame in self.attempt(start):
+            if isinstance(frame, BadFrame):
+                raise frame.error
+            yield frame
+
+    def attempt(self, start: int = 0) -> Iterator[Array | BadFrame]:
+        """Yield the frames from number `start` on; in place of one that cannot be read or used, a `BadFrame`.
+
+        Raises
+        ------
+        FrameFileError
+            If nothing that follows can be read.
+        """
         for name, frame in self._raw(start):
+            yield frame if isinstance(frame, BadFrame) else self._alike(name, frame)
+
+    def _alike(self, name: str, frame: Array) -> Array | BadFrame:
+        """The frame in grey, if it is like the first."""
+        try:
             grey, _ = to_grey(frame, name)
-            if grey.shape != self.shape or grey.dtype != self.dtype:
-                raise InputError(
-                    f"{name} has {_format(grey.shape, grey.dtype)}, but {self._first_name} has "
-                    f"{_format(self.shape, self.dtype)}; all frames of a recording must be alike: "
-                    "crop, convert or leave out those that differ"
-                )
-            yield grey
+        except InputError as error:
+            return BadFrame(name, error)
+        if grey.shape == self.shape and grey.dtype == self.dtype:
+            return grey
+        return BadFrame(
+            name,
+            InputError(
+                f"{name} has {_format(grey.shape, grey.dtype)}, but {self._first_name} has "
+                f"{_format(self.shape, self.dtype)}; all frames of a recording must be alike: "
+                "crop, convert or leave out those that differ"
+            ),
+        )
 
     def __getitem__(self, index: int) -> Array:
         """Read one frame; negative numbers count from the end."""
@@ -169,6 +210,11 @@ class FileSource(FrameSource):
         return self._first_file.times if len(self._counts) == 1 else None
 
     @property
+    def metadata(self) -> Metadata:
+        """What the first file says of itself."""
+        return self._first_file.metadata
+
+    @property
     def names(self) -> tuple[str, ...]:
         """File names, with the number of the frame where a file holds several."""
         return tuple(
@@ -192,7 +238,7 @@ class FileSource(FrameSource):
     def _own_notes(self) -> tuple[str, ...]:
         return (*self._found.notes, *self._first_file.notes)
 
-    def _raw(self, start: int) -> Generator[tuple[str, Array]]:
+    def _raw(self, start: int) -> Generator[tuple[str, Array | BadFrame]]:
         ends = list(itertools.accumulate(self._counts))
         for number, (path, count) in enumerate(zip(self._found.paths, self._counts, strict=True)):
             before = ends[number] - count
@@ -250,7 +296,7 @@ class ArraySource(FrameSource):
             f"a {'list of arrays' if isinstance(self._frames, list | tuple) else type(self._frames).__name__}"
         )
 
-    def _raw(self, start: int) -> Generator[tuple[str, Array]]:
+    def _raw(self, start: int) -> Generator[tuple[str, Array | BadFrame]]:
         for number in range(start, self.count):
             yield f"frame {number}", np.asarray(self._frames[number])
 
@@ -275,7 +321,7 @@ class StreamSource(FrameSource):
     def _origin(self) -> str:
         return f"a {type(self._frames).__name__}"
 
-    def _raw(self, start: int) -> Generator[tuple[str, Array]]:
+    def _raw(self, start: int) -> Generator[tuple[str, Array | BadFrame]]:
         if self._is_one_shot and not self._is_open:
             frames: Iterable[Any] = self._head  # the first look must not use up the stream
         elif self._is_one_shot:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from sixflow.errors import FrameFileError
 from sixflow.frames.formats import FrameFile
 from sixflow.frames.packed import unpack_rows
+from sixflow.frames.selection import Selection
 
 Array: TypeAlias = NDArray[Any]
 
@@ -46,8 +47,8 @@ _NOT_TIME = {"Z": "slices (Z)", "C": "channels (C)"}
 class TiffFile(FrameFile):
     """A TIFF file and its frames."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
+    def __init__(self, path: Path, selection: Selection = Selection()) -> None:  # noqa: B008 - it is frozen
+        super().__init__(path, selection)
         self._count: int | None = None
         self._interval: float | None = None
         self._notes: tuple[str, ...] = ()

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from sixflow.errors import FrameFileError
 from sixflow.frames.formats import FrameFile
+from sixflow.frames.selection import Selection
 
 Array: TypeAlias = NDArray[Any]
 
@@ -30,8 +31,8 @@ _HIDDEN_FRAMES = {"vp8"}
 class VideoFile(FrameFile):
     """A video file; the first video stream counts."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
+    def __init__(self, path: Path, selection: Selection = Selection()) -> None:  # noqa: B008 - it is frozen
+        super().__init__(path, selection)
         self._notes: tuple[str, ...] = ()
         self._has_stamps = True
 
