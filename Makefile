@@ -27,6 +27,7 @@ benchmarks: $(STAMP)
 	$(BIN)/python benchmarks/robust.py
 	$(BIN)/python benchmarks/operators.py
 	$(BIN)/python benchmarks/search.py --quick
+	$(BIN)/python benchmarks/fuzz.py
 	$(BIN)/python benchmarks/scenes.py
 
 $(STAMP): pyproject.toml

@@ -1,0 +1,1 @@
+"""Damaged files: the seeds, their mutants, and what becomes of each."""
