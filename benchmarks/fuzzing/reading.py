@@ -8,6 +8,7 @@ Run as a program, it reads mutants in turn and writes one line of JSON for each:
 from __future__ import annotations
 
 import json
+import re
 import resource
 import shutil
 import sys
@@ -37,7 +38,7 @@ def read_frames(path: Path) -> str:
 def read_field(path: Path) -> str:
     """Open a field and ask what `sixflow info` asks; or go on with an interrupted recording."""
     if path.name.endswith(".partial"):
-        with sixflow.write.RecordingWriter(path.with_suffix(".zarr"), resume=True) as writer:
+        with sixflow.write.RecordingWriter(path.with_suffix(""), resume=True) as writer:
             stored = writer.stored()
             if stored is not None:
                 stored.load()
@@ -80,6 +81,12 @@ def outcome(kind: str, path: Path) -> tuple[str, str]:
         return "foreign", f"{type(error).__name__}: {' '.join(str(error).split())[:120]} ({place})"
 
 
+def peak_memory() -> int:
+    """Most bytes that this process has held; Linux only, since others count the parent's too."""
+    found = re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())
+    return int(found[1]) * 1024 if found else 0
+
+
 def main(kind: str, seed: str, folder: str, first: str, count: str) -> None:
     """Read mutants `first` to `first + count − 1` of a seed, one line for each."""
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESS_SPACE, ADDRESS_SPACE))
@@ -93,8 +100,7 @@ def main(kind: str, seed: str, folder: str, first: str, count: str) -> None:
         with warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always")
             result, said = outcome(kind, target)
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-        line = {"number": number, "damage": done, "result": result, "said": said, "peak": peak}
+        line = {"number": number, "damage": done, "result": result, "said": said, "peak": peak_memory()}
         line |= {
             "seconds": time.perf_counter() - started,
             "warned": [str(one.message)[:100] for one in heard],

@@ -150,20 +150,19 @@ def fields() -> dict[str, Maker]:
     return {
         "field.nc": lambda path: sixflow.write_field(field, path),
         "field.zarr": lambda path: sixflow.write_field(field, path),
-        "stopped.partial": lambda path: _interrupted(path, field),
+        "stopped.zarr.partial": lambda path: _interrupted(path, field),
     }
 
 
 def _interrupted(path: Path, field: object) -> None:
-    output = path.with_name("stopped.zarr")
-    writer = RecordingWriter(output, identity={"frames": "4"}, batch=1)
+    writer = RecordingWriter(path.with_suffix(""), identity={"frames": "4"}, batch=1)
     try:
         with writer:
             for time in range(2):
                 writer.append(field.isel(time=[time]))  # type: ignore[attr-defined]
             raise KeyboardInterrupt
     except KeyboardInterrupt:
-        writer.partial.rename(path)
+        pass
 
 
 def settings() -> dict[str, Maker]:
