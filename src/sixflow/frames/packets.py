@@ -1,0 +1,165 @@
+"""Packets: the encoded frames of a video in the order of presentation, found without decoding them.
+
+Each packet carries the time stamp of its frame. Where stamps are missing, repeat, or jump back, the order of
+presentation is that in which the decoder puts out its frames, and times are not known.
+"""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import itertools
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+
+from sixflow.errors import FrameFileError
+from sixflow.frames.containers import missing_bytes
+from sixflow.frames.decoder import Packet, decoded, opened, video_stream
+
+_HIDDEN_FRAMES = {"vp8"}
+"""Codecs whose packets may hold frames that are never shown; their frames are counted by decoding."""
+
+_HEADED = ("matroska", "mov", "flv", "asf")
+"""Containers whose header states how long they are."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Packets:
+    """What the packets of a video say.
+
+    Attributes
+    ----------
+    codec : str
+    intra_only : bool
+        Whether every frame stands by itself.
+    in_order : tuple of Packet
+        In the order in which they are decoded, hidden ones too.
+    shown : tuple of int
+        Numbers of the packets in the order in which their frames are shown.
+    stamps : tuple of Fraction, or None
+        Time of every frame, s; None where it is not known.
+    clock : Fraction
+        Unit of the time stamps, s.
+    notes : tuple of str
+        On times, and on what is missing.
+    """
+
+    codec: str
+    intra_only: bool
+    in_order: tuple[Packet, ...]
+    shown: tuple[int, ...]
+    stamps: tuple[Fraction, ...] | None
+    clock: Fraction
+    notes: tuple[str, ...]
+
+
+def read_packets(path: Path) -> Packets:
+    """Read the packets of a video file once.
+
+    Raises
+    ------
+    FrameFileError
+        If the file is no video, holds no video stream, or no frames.
+    """
+    with opened(path) as container:
+        stream = video_stream(container, path)
+        codec = str(stream.codec_context.name)
+        listed, end = _listed(container, stream)
+        if not any(packet.shown for packet in listed):
+            raise FrameFileError(
+                f"{path}: the video holds no frames; it is empty or cut short: record or export it again"
+            )
+        rate = stream.average_rate or stream.guessed_rate or Fraction(25)
+        intra_only = bool(stream.codec_context.codec.intra_only)
+        trouble = _trouble(listed, intra_only)
+        cut = _cut(path, container, stream, len(listed), end, rate)
+        clock = Fraction(stream.time_base)
+    by_decoding = codec in _HIDDEN_FRAMES or (trouble is not None and not _is_simple(listed))
+    shown = [number for number, packet in enumerate(listed) if packet.shown]
+    if by_decoding:
+        shown = list(_order_of_decoding(path, listed)) or shown
+    notes = (cut,) if cut else ()
+    if trouble is None and not by_decoding:
+        shown.sort(key=lambda number: listed[number].stamp or 0)
+    stamps = [listed[number].stamp for number in shown]
+    if trouble == _MISSING:
+        stamps = [number / rate for number in range(len(shown))]
+    known = [stamp for stamp in stamps if stamp is not None]
+    if trouble is None and any(b <= a for a, b in itertools.pairwise(known)):
+        trouble = _REPEAT
+    if trouble is not None:
+        notes = (*notes, trouble)
+    times = tuple(known) if trouble in (None, _MISSING) else None
+    return Packets(codec, intra_only, tuple(listed), tuple(shown), times, clock, notes)
+
+
+_MISSING = "the file has no time stamps: times follow from its frame rate"
+_REPEAT = "time stamps repeat or go back: times are not known"
+
+
+def _listed(container: Any, stream: Any) -> tuple[list[Packet], Fraction]:
+    """Packets of a stream as they are stored, and the time at which the last of any stream ends, s."""
+    listed, start, end = [], None, Fraction(0)
+    try:
+        for packet in container.demux():
+            time = packet.pts if packet.pts is not None else packet.dts
+            if time is not None and packet.time_base:
+                start = min(start, time * packet.time_base) if start is not None else time * packet.time_base
+                end = max(end, (time + (packet.duration or 0)) * packet.time_base)
+            if packet.stream_index == stream.index and packet.size > 0:
+                listed.append(Packet.of(packet, stream))
+    except (av.FFmpegError, ValueError):
+        pass  # what follows cannot be read; what is missing is told by the count
+    return listed, end - (start or 0)
+
+
+def _trouble(listed: list[Packet], intra_only: bool) -> str | None:
+    """What is wrong with the time stamps of the packets, as a note."""
+    shown = [packet for packet in listed if packet.shown]
+    stamps = [packet.stamp for packet in shown]
+    if None in stamps:
+        return _MISSING
+    order = [packet.decoding for packet in shown if packet.decoding is not None]
+    falls = any(b < a for a, b in itertools.pairwise(order))
+    falls |= intra_only and any(b < a for a, b in itertools.pairwise(stamps))  # type: ignore[operator]
+    return _REPEAT if falls or len(set(stamps)) < len(stamps) else None
+
+
+def _is_simple(listed: list[Packet]) -> bool:
+    """Whether each packet is a frame by itself, so that they are shown as they are stored."""
+    return all(packet.is_key for packet in listed)
+
+
+def _order_of_decoding(path: Path, listed: list[Packet]) -> Iterator[int]:
+    """Numbers of the packets as their frames come out of the decoder; those that fail, at their place in the file."""
+    failed: collections.deque[int] = collections.deque()
+    for number, frame, _ in decoded(path, listed):
+        if frame is None:
+            failed.append(number)
+            continue
+        while failed and failed[0] < number:
+            yield failed.popleft()
+        yield number
+    yield from failed
+
+
+def _cut(path: Path, container: Any, stream: Any, count: int, end: Fraction, rate: Fraction) -> str:
+    """Return a note where the file states more frames, time or bytes than it has."""
+    frames, stated = stream.frames or 0, Fraction(0)
+    kind = container.format.name
+    if kind == "avi":
+        stated = frames / rate
+    elif kind.startswith(_HEADED):
+        stated = Fraction(container.duration or 0, av.time_base)
+        frames = frames or round(stated * rate)
+    if frames > count and stated > end + Fraction(3, 2) / rate:
+        there = f"{count} frame{'s are' if count != 1 else ' is'} there"
+        return f"the file is cut short or damaged: it states {frames} frames ({float(stated):.4g} s), {there}"
+    missing = missing_bytes(path)
+    if missing is None:
+        return ""
+    return f"the file is cut short: it states {missing[0]} bytes or more, {missing[1]} are there"
