@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image, UnidentifiedImageError
 
 from sixflow.errors import FrameFileError
-from sixflow.frames.compression import compression_note
+from sixflow.frames.compression import compression_note, is_reversible
 from sixflow.frames.formats import FrameFile
 from sixflow.frames.grey import to_grey
 from sixflow.frames.jpeg import damage_of_jpeg, luma_steps, quantisation_noise
@@ -143,7 +143,7 @@ class ImageFile(FrameFile):
             return Compression("JPEG", 0.0 if steps is None else quantisation_noise(grey, steps))
         if image.format == "WEBP" and _is_lossy_webp(self.path.read_bytes()):
             return Compression("WebP")
-        if image.format == "JPEG2000" and not _is_reversible(self.path.read_bytes()):
+        if image.format == "JPEG2000" and not is_reversible(self.path.read_bytes()):
             return Compression("JPEG 2000")
         return None
 
@@ -215,13 +215,6 @@ def _is_lossy_webp(data: bytes) -> bool:
             return data[at : at + 4] == b"VP8 "
         at += 8 + int.from_bytes(data[at + 4 : at + 8], "little") + data[at + 4] % 2
     return False
-
-
-def _is_reversible(data: bytes) -> bool:
-    """Tell from a JPEG 2000 codestream whether its wavelet is the one without rounding loss."""
-    start = data.find(b"\xff\x4f\xff\x51")
-    at = data.find(b"\xff\x52", start) if start >= 0 else -1
-    return 0 <= at < len(data) - 13 and data[at + 13] == 1
 
 
 def _reason(error: BaseException) -> str:

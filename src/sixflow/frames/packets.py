@@ -1,7 +1,8 @@
 """Packets: the encoded frames of a video in the order of presentation, found without decoding them.
 
-Each packet carries the time stamp of its frame. Where stamps are missing, repeat, or jump back, the order of
-presentation is that in which the decoder puts out its frames, and times are not known.
+Each packet carries the time stamp of its frame. Where stamps are missing, repeat, jump back, or are those of decoding
+(AVI with frames stored out of order), the order of presentation is that in which the decoder puts out its frames. Of
+stamps that repeat or jump back nothing is made: times are not known.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from sixflow.frames.decoder import Packet, decoded, opened, video_stream
 _HIDDEN_FRAMES = {"vp8"}
 """Codecs whose packets may hold frames that are never shown; their frames are counted by decoding."""
 
-_HEADED = ("matroska", "mov", "flv", "asf")
-"""Containers whose header states how long they are."""
+_COUNTED = ("avi", "mov", "flv")
+"""Containers whose header states frames, or a time that ends with the last frame."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,7 +79,8 @@ def read_packets(path: Path) -> Packets:
         trouble = _trouble(listed, intra_only)
         cut = _cut(path, container, stream, len(listed), end, rate)
         clock = Fraction(stream.time_base)
-    by_decoding = codec in _HIDDEN_FRAMES or (trouble is not None and not _is_simple(listed))
+        moved = bool(getattr(stream.codec_context, "has_b_frames", False)) and _follow_decoding(listed)
+    by_decoding = codec in _HIDDEN_FRAMES or moved or (trouble is not None and not _is_simple(listed))
     shown = [number for number, packet in enumerate(listed) if packet.shown]
     if by_decoding:
         shown = list(_order_of_decoding(path, listed)) or shown
@@ -86,6 +88,8 @@ def read_packets(path: Path) -> Packets:
     if trouble is None and not by_decoding:
         shown.sort(key=lambda number: listed[number].stamp or 0)
     stamps = [listed[number].stamp for number in shown]
+    if moved and trouble is None:
+        stamps.sort(key=lambda stamp: stamp or 0)
     if trouble == _MISSING:
         stamps = [number / rate for number in range(len(shown))]
     known = [stamp for stamp in stamps if stamp is not None]
@@ -114,7 +118,7 @@ def _listed(container: Any, stream: Any) -> tuple[list[Packet], Fraction]:
                 listed.append(Packet.of(packet, stream))
     except (av.FFmpegError, ValueError):
         pass  # what follows cannot be read; what is missing is told by the count
-    return listed, end - (start or 0)
+    return listed, max(end, end - (start or 0))
 
 
 def _trouble(listed: list[Packet], intra_only: bool) -> str | None:
@@ -127,6 +131,11 @@ def _trouble(listed: list[Packet], intra_only: bool) -> str | None:
     falls = any(b < a for a, b in itertools.pairwise(order))
     falls |= intra_only and any(b < a for a, b in itertools.pairwise(stamps))  # type: ignore[operator]
     return _REPEAT if falls or len(set(stamps)) < len(stamps) else None
+
+
+def _follow_decoding(listed: list[Packet]) -> bool:
+    """Whether the time stamps only repeat the order in which packets are decoded."""
+    return len({(p.stamp or 0) - (p.decoding or 0) for p in listed}) == 1
 
 
 def _is_simple(listed: list[Packet]) -> bool:
@@ -149,17 +158,15 @@ def _order_of_decoding(path: Path, listed: list[Packet]) -> Iterator[int]:
 
 def _cut(path: Path, container: Any, stream: Any, count: int, end: Fraction, rate: Fraction) -> str:
     """Return a note where the file states more frames, time or bytes than it has."""
-    frames, stated = stream.frames or 0, Fraction(0)
-    kind = container.format.name
-    if kind == "avi":
-        stated = frames / rate
-    elif kind.startswith(_HEADED):
-        stated = Fraction(container.duration or 0, av.time_base)
-        frames = frames or round(stated * rate)
-    if frames > count and stated > end + Fraction(3, 2) / rate:
-        there = f"{count} frame{'s are' if count != 1 else ' is'} there"
-        return f"the file is cut short or damaged: it states {frames} frames ({float(stated):.4g} s), {there}"
+    frames, kind = stream.frames or 0, container.format.name
+    stated = frames / rate if kind == "avi" else Fraction(container.duration or 0, av.time_base)
     missing = missing_bytes(path)
-    if missing is None:
+    ends_early = stated > end + Fraction(3, 2) / rate
+    if not (missing or (ends_early and kind.startswith(_COUNTED) and (not frames or frames > count))):
         return ""
-    return f"the file is cut short: it states {missing[0]} bytes or more, {missing[1]} are there"
+    there = f"{count} frame{'s are' if count != 1 else ' is'} there"
+    if ends_early:
+        number = frames or f"about {round(stated * rate)}"
+        return f"the file is cut short or damaged: it states {number} frames ({float(stated):.4g} s), {there}"
+    assert missing is not None
+    return f"the file is cut short: it states {missing[0]} bytes or more, {missing[1]} are there; {there}"

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from sixflow.frames.compression import is_reversible
 from sixflow.frames.decoder import decoded, opened, video_stream
 from sixflow.frames.jpeg import luma_steps, quantisation_noise
 from sixflow.frames.metadata import Compression
@@ -38,7 +39,12 @@ _NAMES = {
     "mjpeg": "motion JPEG",
     "mpeg4": "MPEG-4",
     "mpeg2video": "MPEG-2",
+    "vp8": "VP8",
     "vp9": "VP9",
+    "av1": "AV1",
+    "libdav1d": "AV1",
+    "prores": "ProRes",
+    "jpeg2000": "JPEG 2000",
 }
 
 _WEIGHTED = ("mpeg1video", "mpeg2video")
@@ -122,14 +128,15 @@ def compression_of_video(path: Path, packets: Packets) -> Compression | None:
         stream = video_stream(container, path)
         codec, profile = stream.codec_context.codec, str(stream.codec_context.profile or "")
         data = b""
-        if packets.codec == "mjpeg":
+        if packets.codec in ("mjpeg", "jpeg2000"):
             data = next((bytes(packet) for packet in container.demux(stream) if packet.size), b"")
-    if not codec.lossy:
+    steps = luma_steps(data) if packets.codec == "mjpeg" else None
+    is_lossless = packets.codec == "mjpeg" and steps is None
+    if not codec.lossy or is_lossless or (packets.codec == "jpeg2000" and is_reversible(data)):
         return None
     frames = (frame for _, frame, _ in decoded(path, packets.in_order[:_SAMPLE]) if frame is not None)
     sample = list(itertools.islice(frames, _SAMPLE))
     name = _NAMES.get(packets.codec, packets.codec)
-    steps = luma_steps(data)
     if steps is not None and sample:
         return Compression(name, quantisation_noise(luma_of(sample[0])[0], steps))
     noises = [noise_of_frame(frame, packets.codec) for frame in sample]

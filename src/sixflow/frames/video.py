@@ -2,8 +2,8 @@
 
 Frames are counted by reading the packets of the file once, without decoding them (`packets`). Of colour spaces with a
 luma channel, that channel is returned as recorded, neither rescaled nor rounded; RGB video is returned in colour.
-Depths above 8 bits are uint16 with the recorded values: 10-bit video runs from 0 to 1023. A frame whose data is damaged,
-and those that are predicted from it, are `BadFrame`s (`decoder`, `dependence`).
+Depths above 8 bits are uint16 with the recorded values: 10-bit video runs from 0 to 1023. A frame whose data is
+damaged, and those that are predicted from it, are `BadFrame`s (`decoder`, `dependence`).
 """
 
 from __future__ import annotations
