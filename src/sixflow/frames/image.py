@@ -40,6 +40,9 @@ _KINDS = ("PNG", "JPEG", "BMP", "PPM", "WEBP", "JPEG2000")
 _GROWTH = {"PNG": 8 * 1032, "BMP": 8 * 128, "PPM": 8}
 """Pixels that a byte of the file can stand for, where there is a limit."""
 
+_STRIP = 2**24
+"""Pixels that are taken over at once."""
+
 _KEPT = {"1", "L", "LA", "RGB", "RGBA", "I;16", "I;16L", "I;16B", "I;16N", "I", "F"}
 
 _CONVERTED = {
@@ -164,7 +167,7 @@ def _pixels(image: Image.Image, name: str) -> Array:
     """Pixels in a mode of which every channel is grey, red, green, blue or alpha."""
     key = image.info.get("transparency")
     if image.mode == "LAB":
-        return np.asarray(image)[..., 0]
+        return _array(image)[..., 0]
     if image.mode not in _KEPT:
         if image.mode not in _CONVERTED:
             raise FrameFileError(
@@ -173,7 +176,7 @@ def _pixels(image: Image.Image, name: str) -> Array:
         image = image.convert("RGBA" if image.mode == "P" and key is not None else _CONVERTED[image.mode])
     elif image.mode == "RGB" and key is not None:
         image = image.convert("RGBA")
-    pixels = np.asarray(image)
+    pixels = _array(image)
     if image.mode == "I" and pixels.size and pixels.min() >= 0 and pixels.max() <= 65535:
         pixels = pixels.astype(np.uint16)  # the 16-bit values of PNG and PNM, in 32-bit integers
     if pixels.ndim == 2 and isinstance(key, int):
@@ -181,6 +184,21 @@ def _pixels(image: Image.Image, name: str) -> Array:
             pixels = pixels.astype(np.uint8) * np.uint8(255)
         shown = (pixels != key).astype(pixels.dtype) * np.iinfo(pixels.dtype).max
         pixels = np.stack([pixels, shown], axis=-1)
+    return pixels
+
+
+def _array(image: Image.Image) -> Array:
+    """Pixels of an image, in strips, so that a large one does not stand in memory three times."""
+    width, height = image.size
+    rows = max(1, _STRIP // max(width, 1))
+    if height <= rows:
+        return np.array(image)
+    strips = (np.asarray(image.crop((0, y, width, min(y + rows, height)))) for y in range(0, height, rows))
+    first = next(strips)
+    pixels = np.empty((height, *first.shape[1:]), first.dtype)
+    pixels[:rows] = first
+    for number, strip in enumerate(strips, 1):
+        pixels[number * rows : number * rows + len(strip)] = strip
     return pixels
 
 

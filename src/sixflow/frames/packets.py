@@ -1,8 +1,9 @@
 """Packets: the encoded frames of a video in the order of presentation, found without decoding them.
 
 Each packet carries the time stamp of its frame. Where stamps are missing, repeat, jump back, or are those of decoding
-(AVI with frames stored out of order), the order of presentation is that in which the decoder puts out its frames. Of
-stamps that repeat or jump back nothing is made: times are not known.
+(AVI with frames stored out of order), the order of presentation is that in which the decoder puts out its frames.
+Stamps that repeat because the container's clock is coarse are those of a constant rate; of others that repeat or jump back
+nothing is made: times are not known.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import av
+import numpy as np
 
 from sixflow.errors import FrameFileError
 from sixflow.frames.containers import missing_bytes
@@ -84,20 +86,13 @@ def read_packets(path: Path) -> Packets:
     shown = [number for number, packet in enumerate(listed) if packet.shown]
     if by_decoding:
         shown = list(_order_of_decoding(path, listed)) or shown
-    notes = (cut,) if cut else ()
     if trouble is None and not by_decoding:
         shown.sort(key=lambda number: listed[number].stamp or 0)
     stamps = [listed[number].stamp for number in shown]
     if moved and trouble is None:
         stamps.sort(key=lambda stamp: stamp or 0)
-    if trouble == _MISSING:
-        stamps = [number / rate for number in range(len(shown))]
-    known = [stamp for stamp in stamps if stamp is not None]
-    if trouble is None and any(b <= a for a, b in itertools.pairwise(known)):
-        trouble = _REPEAT
-    if trouble is not None:
-        notes = (*notes, trouble)
-    times = tuple(known) if trouble in (None, _MISSING) else None
+    times, trouble = _times(stamps, trouble, rate, clock)
+    notes = tuple(note for note in (cut, trouble) if note)
     return Packets(codec, intra_only, tuple(listed), tuple(shown), times, clock, notes)
 
 
@@ -131,6 +126,43 @@ def _trouble(listed: list[Packet], intra_only: bool) -> str | None:
     falls = any(b < a for a, b in itertools.pairwise(order))
     falls |= intra_only and any(b < a for a, b in itertools.pairwise(stamps))  # type: ignore[operator]
     return _REPEAT if falls or len(set(stamps)) < len(stamps) else None
+
+
+def _times(
+    stamps: list[Fraction | None], trouble: str | None, rate: Fraction, clock: Fraction
+) -> tuple[tuple[Fraction, ...] | None, str | None]:
+    """Times of the frames as they are shown, s, None where they are not known, and a note on them."""
+    if trouble == _MISSING:
+        return tuple(number / rate for number in range(len(stamps))), trouble
+    known = [stamp for stamp in stamps if stamp is not None]
+    if trouble is None and all(b > a for a, b in itertools.pairwise(known)):
+        return tuple(known), None
+    even = _even(known, clock)
+    if even is None:
+        return None, _REPEAT
+    return (
+        even,
+        f"time stamps repeat, as the file counts in {float(clock):g} s: they are those of a constant rate",
+    )
+
+
+def _even(stamps: list[Fraction], clock: Fraction) -> tuple[Fraction, ...] | None:
+    """Times of the constant rate that stamps are when rounded to the clock, |t_k − a − bk| ≤ clock/2; or None."""
+    count = len(stamps)
+    if count < 3:
+        return None
+    measured, number = np.array([float(stamp) for stamp in stamps]), np.arange(count)
+    span, unit = float(stamps[-1] - stamps[0]), float(clock)
+    low, high = (span - unit) / (count - 1), (span + unit) / (count - 1)
+    for _ in range(60):  # the spread of t − bk is convex in b
+        third = (high - low) / 3
+        spreads = [np.ptp(measured - b * number) for b in (low + third, high - third)]
+        low, high = (low, high - third) if spreads[0] < spreads[1] else (low + third, high)
+    rest = measured - low * number
+    if low <= 0 or np.ptp(rest) > unit * (1 + 1e-6):
+        return None
+    begin = float(rest.max() + rest.min()) / 2
+    return tuple(Fraction(begin + low * k) for k in range(count))
 
 
 def _follow_decoding(listed: list[Packet]) -> bool:
