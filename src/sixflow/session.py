@@ -25,6 +25,7 @@ from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.field.flags import FLAGS
 from sixflow.grid import Grid
+from sixflow.interlacing import InterlacingCheck
 from sixflow.lighting import Change
 from sixflow.masks import Bodies
 from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
@@ -65,6 +66,7 @@ class Session:
         self.workspace = Workspace()
         self.shape: tuple[int, int] | None = None
         self.constant, self.scale = 0.0, 1.0
+        self.interlacing = InterlacingCheck()
 
     def prepare(
         self, raw: ArrayLike, name: str, bodies: Bodies | None = None, *, lasting: bool = False
@@ -104,7 +106,10 @@ class Session:
             raise InputError(
                 f"{name} is constant ({array.flat[0]}): there is no texture to follow; check the frame or its exposure"
             )
-        notes = (f"{name}: {missing} pixels without a value (NaN or infinite) are masked",) if missing else ()
+        notes = self.interlacing.notes(image, name)
+        notes += (
+            (f"{name}: {missing} pixels without a value (NaN or infinite) are masked",) if missing else ()
+        )
         sample = _sample(
             image, valid if bodies is None else both_valid((bodies.labels != 0).astype(np.uint8), valid)
         )

@@ -89,6 +89,8 @@ FORMATS = (
     Format("JPEG", (".jpg", ".jpeg"), "sixflow.frames.image:ImageFile"),
     Format("BMP", (".bmp",), "sixflow.frames.image:ImageFile"),
     Format("PNM", (".pgm", ".ppm", ".pnm"), "sixflow.frames.image:ImageFile"),
+    Format("WebP", (".webp",), "sixflow.frames.image:ImageFile"),
+    Format("JPEG 2000", (".jp2", ".j2k"), "sixflow.frames.image:ImageFile"),
     Format(
         "video",
         (

@@ -1,7 +1,11 @@
 """Grey frames: one number per pixel, from whatever a file or an array holds.
 
 Colour becomes luminance, 0.2126 R + 0.7152 G + 0.0722 B (Rec. 709), taken of the stored values. It is
-returned as float32 and not rounded: rounding would add noise that the camera did not make.
+returned as float32 and not rounded: rounding would add noise that the camera did not make. Pixels that are wholly
+transparent (alpha 0) have no value: they become NaN. Partly transparent ones keep the value that is stored.
+
+Readers hand over four channels only where they are red, green, blue and alpha; other colour spaces they convert or
+refuse themselves.
 """
 
 from __future__ import annotations
@@ -25,14 +29,16 @@ def to_grey(frame: Array, name: str) -> tuple[Array, tuple[str, ...]]:
     Parameters
     ----------
     frame : array, shape (h, w) or (h, w, c)
-        Integers, floats or booleans; c is 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 (RGBA).
+        Integers, floats or booleans; c is 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 (RGBA). Alpha is straight, not
+        multiplied into the colours.
     name : str
         Name of the frame, for messages.
 
     Returns
     -------
     grey : array, shape (h, w)
-        Integers and floats keep their type, booleans become 0 and 255 in uint8, float16 and colour float32.
+        Integers and floats keep their type, booleans become 0 and 255 in uint8, float16, colour and frames with
+        transparent pixels float32 (float64 where that needs more digits). Transparent pixels are NaN.
     notes : tuple of str
 
     Raises
@@ -55,11 +61,29 @@ def to_grey(frame: Array, name: str) -> tuple[Array, tuple[str, ...]]:
             "or (h, w, c) with c = 1 grey, 2 grey and alpha, 3 RGB or 4 RGBA"
         )
     channels = frame.shape[2]
-    notes = ("alpha channel dropped",) if channels in (2, 4) else ()
-    if channels < 3:
-        return frame[..., 0], notes
-    weights = LUMINANCE.astype(np.result_type(np.float32, frame.dtype), copy=False)
-    return frame[..., :3].astype(weights.dtype) @ weights, (*notes, "colour → luminance (Rec. 709)")
+    grey = frame[..., 0]
+    notes: tuple[str, ...] = ()
+    if channels >= 3:
+        weights = LUMINANCE.astype(np.result_type(np.float32, frame.dtype), copy=False)
+        grey, notes = frame[..., :3].astype(weights.dtype) @ weights, ("colour → luminance (Rec. 709)",)
+    if channels in (1, 3):
+        return grey, notes
+    shown, alpha_note = _without_transparent(grey, frame[..., -1])
+    return shown, (alpha_note, *notes)
+
+
+def _without_transparent(grey: Array, alpha: Array) -> tuple[Array, str]:
+    """Grey values with NaN where nothing is shown, and a note on the alpha channel."""
+    transparent = ~(alpha > 0)
+    count = int(np.count_nonzero(transparent))
+    opaque = np.iinfo(alpha.dtype).max if alpha.dtype.kind in "ui" else 1.0
+    partial = " partly transparent pixels keep their value" if ((alpha > 0) & (alpha < opaque)).any() else ""
+    if not count:
+        return grey, "alpha channel dropped" + (":" + partial if partial else "")
+    shown = grey.astype(np.result_type(np.float32, grey.dtype))
+    shown[transparent] = np.nan
+    said = f"alpha channel: {count} transparent pixels have no value"
+    return shown, said + (";" + partial if partial else "")
 
 
 def _as_numbers(frame: Array, name: str) -> Array:

@@ -35,7 +35,7 @@ class FrameSource(abc.ABC):
     shape : (int, int)
         Rows and columns of every frame, px.
     dtype : numpy.dtype
-        Type of the grey values.
+        Type of the grey values. A later frame with transparent pixels, or in colour, comes as floats of the same scale.
     notes : tuple of str
         What was done to the frames and what a user should know about them.
     fingerprint : str
@@ -64,6 +64,7 @@ class FrameSource(abc.ABC):
         grey, grey_notes = to_grey(frame, self._first_name)
         self.shape: tuple[int, int] = (grey.shape[0], grey.shape[1])
         self.dtype: np.dtype[Any] = grey.dtype
+        self._scale = _scale(frame)
         content = f"{grey.dtype.str} {grey.shape}".encode() + np.ascontiguousarray(grey).tobytes()
         self.fingerprint: str = hashlib.sha256(content).hexdigest()[:16]
         self.notes: tuple[str, ...] = tuple(dict.fromkeys((*self._own_notes(), *grey_notes)))
@@ -157,13 +158,13 @@ class FrameSource(abc.ABC):
             grey, _ = to_grey(frame, name)
         except InputError as error:
             return BadFrame(name, error)
-        if grey.shape == self.shape and grey.dtype == self.dtype:
-            return grey
+        if grey.shape == self.shape and _scale(frame) == self._scale:
+            return grey.astype(np.result_type(grey.dtype, self.dtype), copy=False)
         return BadFrame(
             name,
             InputError(
-                f"{name} has {_format(grey.shape, grey.dtype)}, but {self._first_name} has "
-                f"{_format(self.shape, self.dtype)}; all frames of a recording must be alike: "
+                f"{name} has {_format(grey.shape, _scale(frame))}, but {self._first_name} has "
+                f"{_format(self.shape, self._scale)}; all frames of a recording must be alike: "
                 "crop, convert or leave out those that differ"
             ),
         )
@@ -345,6 +346,12 @@ class StreamSource(FrameSource):
 
 def _frame_name(name: str, number: int, count: int) -> str:
     return name if count == 1 else f"{name}[{number}]"
+
+
+def _scale(frame: Array) -> np.dtype[Any]:
+    """Type of a frame as stored: what its grey values mean, whether or not colour or alpha makes them floats."""
+    dtype = np.dtype(np.uint8) if frame.dtype == bool else frame.dtype
+    return dtype.newbyteorder("=")
 
 
 def _format(shape: tuple[int, ...], dtype: np.dtype[Any]) -> str:
