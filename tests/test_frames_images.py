@@ -94,7 +94,8 @@ def test_folder_in_natural_order(tmp_path, picture):
     (folder / "sub").mkdir()
     source = open_frames(folder)
     assert source.names == ("img1.png", "img2.png", "img10.png")
-    assert source.notes == ("other files in the folder passed over: 1",)
+    assert source.notes[0] == "other files in the folder passed over: 1"
+    assert source.notes[1] == "the numbers of the files have a gap: img2.png is followed by img10.png"
     assert len(source) == 3
     assert [int(frame[0, 0]) - int(picture[0, 0]) for frame in source] == [2, 1, 0]
     assert source.description.endswith("run (3 PNG files): 3 frames of 32×24 px, uint8")

@@ -97,21 +97,10 @@ def test_imagej_stack_with_times(tmp_path, stack):
     np.testing.assert_allclose(source.times, 0.25 * np.arange(5))
 
 
-@pytest.mark.parametrize(("axes", "name"), [("ZYX", "slices"), ("CYX", "channels")])
-def test_imagej_slices_and_channels_are_read_as_frames(tmp_path, stack, axes, name):
-    tifffile.imwrite(tmp_path / "a.tif", stack, imagej=True, metadata={"axes": axes})
+def test_imagej_slices_are_read_as_frames(tmp_path, stack):
+    tifffile.imwrite(tmp_path / "a.tif", stack, imagej=True, metadata={"axes": "ZYX"})
     source = check_exact(tmp_path / "a.tif", stack)
-    assert source.notes == (f"the {name} ({axes[0]}) of the stack are read as frames over time",)
-
-
-@pytest.mark.parametrize(
-    ("axes", "seen"), [("TCYX", "T=2 × C=2"), ("TZYX", "T=2 × Z=2"), ("ZCYX", "Z=2 × C=2")]
-)
-def test_hyperstacks_with_more_axes_are_refused(tmp_path, stack, axes, seen):
-    values = stack[:4].reshape(2, 2, 20, 30)
-    tifffile.imwrite(tmp_path / "a.tif", values, imagej=True, metadata={"axes": axes})
-    with pytest.raises(FrameFileError, match=f"the stack has the axes {seen} .* save one channel"):
-        open_frames(tmp_path / "a.tif")
+    assert source.notes == ("the slices (Z) of the stack are read as frames over time",)
 
 
 def test_ome_stack_with_times(tmp_path, stack):
@@ -200,7 +189,7 @@ def test_cut_short(tmp_path, stack, kind, fraction, capfd):
     if kind == "single":
         tifffile.imwrite(path, stack[0])
     elif kind == "imagej":
-        tifffile.imwrite(path, stack, imagej=True)
+        tifffile.imwrite(path, stack, imagej=True, metadata={"axes": "TYX"})
     elif kind == "pages":
         write_pages(path, stack)
     else:
@@ -225,9 +214,8 @@ def test_no_tiff_at_all(tmp_path, content, capfd):
 
 def test_pages_of_different_shape(tmp_path, stack):
     write_pages(tmp_path / "a.tif", [stack[0], stack[1, :, :-2]])
-    source = open_frames(tmp_path / "a.tif")
-    with pytest.raises(InputError, match=r"a.tif\[1\] has 28×20 px of uint16, but .*a.tif\[0\] has 30×20"):
-        list(source)
+    with pytest.raises(InputError, match=r"holds 2 positions or series .*0, one frame of 30×20 px; 1, one"):
+        open_frames(tmp_path / "a.tif")
 
 
 def test_previews_are_left_out(tmp_path, stack):

@@ -114,8 +114,10 @@ def test_video_in_a_folder(tmp_path, recording):
     write_video(tmp_path / "a.mkv", recording, "ffv1", "gray")
     assert len(open_frames(tmp_path)) == 10
     write_video(tmp_path / "b.mkv", recording, "ffv1", "gray")
-    with pytest.raises(FrameFileError, match=r"2 videos, the first two 'a.mkv' and 'b.mkv'; give one video"):
-        open_frames(tmp_path)
+    joined = open_frames(tmp_path)
+    np.testing.assert_array_equal(list(joined), np.concatenate([recording, recording]))
+    assert joined.times is None
+    assert any("each file counts from its own beginning" in note for note in joined.notes)
 
 
 def test_no_frames_and_no_video(tmp_path, capfd):

@@ -47,10 +47,33 @@ class FrameFile(abc.ABC):
         raises `FrameFileError`.
         """
 
+    def frames(self, numbers: range) -> Iterator[Array | BadFrame]:
+        """Yield the frames of these numbers, which grow, as `read` does; those between are passed over."""
+        for number, frame in enumerate(self.read(numbers.start), numbers.start):
+            if number in numbers:
+                yield frame
+            if number >= numbers[-1]:
+                return
+
     @property
     def times(self) -> Array | None:
         """Time of each frame, s, shape (count,); None where the file does not say."""
         return None
+
+    @property
+    def origin(self) -> str:
+        """Names the moment from which the times of several files count; empty where each file has its own."""
+        return ""
+
+    @property
+    def place(self) -> str:
+        """Which position, channel and slice of a set of files this one holds; empty where it is by itself."""
+        return ""
+
+    @property
+    def applied(self) -> tuple[str, ...]:
+        """Which of channel, z and position the file has something to choose from for."""
+        return ()
 
     @property
     def metadata(self) -> Metadata:
@@ -70,12 +93,16 @@ class FrameFile(abc.ABC):
 
 @dataclasses.dataclass(frozen=True)
 class Format:
-    """A kind of file: its name, its suffixes, and the class that reads it as ``module:class``."""
+    """A kind of file: its name, its suffixes, and the class that reads it as ``module:class``.
+
+    A container holds arrays of any meaning; in a folder, pictures and videos go before it.
+    """
 
     name: str
     suffixes: tuple[str, ...]
     reader: str
     is_video: bool = False
+    is_container: bool = False
 
     def open(self, path: Path, selection: Selection = Selection()) -> FrameFile:  # noqa: B008 - it is frozen
         """Return the file, ready to be read."""
@@ -100,6 +127,13 @@ FORMATS = (
         "sixflow.frames.video:VideoFile",
         is_video=True,
     ),
+    Format("NumPy array", (".npy",), "sixflow.frames.numpyfile:NpyFile", is_container=True),
+    Format("NumPy archive", (".npz",), "sixflow.frames.numpyfile:NpzFile", is_container=True),
+    Format("Zarr", (".zarr",), "sixflow.frames.zarrfile:ZarrFile", is_container=True),
+    Format(
+        "HDF5", (".h5", ".hdf5", ".hdf", ".he5", ".nxs"), "sixflow.frames.hdf5:Hdf5File", is_container=True
+    ),
+    Format("netCDF", (".nc",), "sixflow.frames.netcdf:NetcdfFile", is_container=True),
 )
 """The formats that can be read."""
 
@@ -114,7 +148,13 @@ def find_format(path: Path) -> Format | None:
     >>> find_format(Path("run/A0001.TIF")).name
     'TIFF'
     """
-    return _BY_SUFFIX.get(path.suffix.lower())
+    return _BY_SUFFIX[".zarr"] if is_store(path) else _BY_SUFFIX.get(path.suffix.lower())
+
+
+def is_store(path: Path) -> bool:
+    """Tell whether a folder is a Zarr store."""
+    marks = ("zarr.json", ".zgroup", ".zarray")
+    return path.suffix.lower() == ".zarr" or any((path / mark).is_file() for mark in marks)
 
 
 def require_format(path: Path) -> Format:

@@ -11,17 +11,33 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sixflow.errors import FrameFileError
-from sixflow.frames.formats import Format, find_format, require_format
+from sixflow.frames.formats import Format, find_format, is_store, require_format
+from sixflow.frames.naming import natural_order, read_names
+
+_DATASET = re.compile(r"(.+\.(?:npz|zarr|h5|hdf5|hdf|he5|nxs|nc))[/\\]?:[/\\]*(.+)", re.IGNORECASE)
+"""A file that holds several arrays, and the name of one."""
 
 
 @dataclasses.dataclass(frozen=True)
 class FoundFiles:
-    """Files of one format, where they came from, and what was passed over."""
+    """Files of one format, where they came from, and what was passed over.
+
+    Attributes
+    ----------
+    paths : tuple of Path
+    format : Format
+    origin : str
+        What was given, in words.
+    notes : tuple of str
+    datasets : tuple of (str or None)
+        The array of each file that was named after ``:/``.
+    """
 
     paths: tuple[Path, ...]
     format: Format
     origin: str
     notes: tuple[str, ...] = ()
+    datasets: tuple[str | None, ...] = ()
 
 
 def find_files(source: Path | Sequence[Path]) -> FoundFiles:
@@ -35,25 +51,36 @@ def find_files(source: Path | Sequence[Path]) -> FoundFiles:
     if not isinstance(source, Path):
         if not source:
             raise FrameFileError("an empty list of files: give at least one")
-        return _of_one_format([_existing(path.expanduser()) for path in source], f"{len(source)} files")
-    path = source.expanduser()
-    if path.is_dir():
-        return _in_folder(path)
-    if not _exists(path) and glob.has_magic(str(path)):
-        return _matching(path)
-    return _of_one_format([_existing(path)], str(path))
+        split = [split_dataset(path.expanduser()) for path in source]
+        paths = [_existing(path) for path, _ in split]
+        found = _of_one_format(paths, f"{len(paths)} files", given_order=True)
+        return dataclasses.replace(found, datasets=tuple(dataset for _, dataset in split))
+    path, dataset = split_dataset(source.expanduser())
+    if _is_plain_folder(path):
+        found = _in_folder(path)
+    elif not _exists(path) and glob.has_magic(str(path)):
+        found = _matching(path)
+    else:
+        found = _of_one_format([_readable(_existing(path))], str(source))
+    return dataclasses.replace(found, datasets=(dataset,) * len(found.paths))
 
 
-def natural_key(path: Path) -> tuple[tuple[tuple[int, int, str], ...], str]:
-    """Return a sort key that puts img2 before img10, without regard to case.
+def split_dataset(path: Path) -> tuple[Path, str | None]:
+    """Return a file and the array in it that is named after ``:/``.
 
     Examples
     --------
-    >>> [p.name for p in sorted([Path("img10.png"), Path("img2.png"), Path("Img1.png")], key=natural_key)]
-    ['Img1.png', 'img2.png', 'img10.png']
+    >>> file, name = split_dataset(Path("run.h5:/entry/data"))
+    >>> file.name, name
+    ('run.h5', 'entry/data')
     """
-    parts = re.split(r"(\d+)", str(path).lower(), flags=re.ASCII)
-    return tuple((0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts), str(path)
+    found = None if path.exists() else _DATASET.fullmatch(str(path))
+    return (Path(found[1]), found[2]) if found else (path, None)
+
+
+def _is_plain_folder(path: Path) -> bool:
+    """Tell a folder of files from one that is a store of arrays."""
+    return path.is_dir() and not is_store(path)
 
 
 def _exists(path: Path) -> bool:
@@ -65,18 +92,24 @@ def _exists(path: Path) -> bool:
 
 def _existing(path: Path) -> Path:
     """Return the path of a readable file, or say what is there instead."""
-    if path.is_dir():
+    if _is_plain_folder(path):
         raise FrameFileError(
             f"{path}: a folder in a list of files; give a folder by itself, or the files in it"
         )
     if not _exists(path):
         raise FrameFileError(f"{path}: no such file{_suggestion(path)}")
+    return path
+
+
+def _readable(path: Path) -> Path:
     require_readable(path)
     return path
 
 
 def require_readable(path: Path) -> None:
     """Raise `FrameFileError` if a file cannot be opened or is empty."""
+    if path.is_dir():
+        return
     try:
         with path.open("rb") as file:
             is_empty = not file.read(1)
@@ -109,7 +142,7 @@ def _in_folder(folder: Path) -> FoundFiles:
         entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     except OSError as error:
         raise _unreadable(folder, error) from error
-    paths = sorted((entry for entry in entries if entry.is_file() and find_format(entry)), key=natural_key)
+    paths = _wanted([entry for entry in entries if entry.is_file() and find_format(entry)])
     if not paths:
         raise FrameFileError(f"{folder}: a folder without frames; it holds {_content(entries)}")
     passed_over = sum(entry.is_file() for entry in entries) - len(paths)
@@ -120,7 +153,7 @@ def _in_folder(folder: Path) -> FoundFiles:
 def _content(entries: Sequence[Path]) -> str:
     if not entries:
         return "nothing; check the path"
-    folders = sorted((entry for entry in entries if entry.is_dir()), key=natural_key)
+    folders = natural_order([entry for entry in entries if entry.is_dir()])
     if folders:
         names = ", ".join(repr(entry.name) for entry in folders[:3])
         return f"the folders {names}{' …' if len(folders) > 3 else ''}; give one of them"
@@ -128,10 +161,16 @@ def _content(entries: Sequence[Path]) -> str:
     return f"only files of other kinds ({suffixes}); convert them to TIFF or PNG"
 
 
+def _wanted(paths: list[Path]) -> list[Path]:
+    """Pictures and videos, where there are any: arrays beside them are masks or results."""
+    pictures = [path for path in paths if not require_format(path).is_container]
+    return pictures or paths
+
+
 def _matching(pattern: Path) -> FoundFiles:
     found = [Path(name) for name in glob.glob(str(pattern), recursive=True)]
-    files = [path for path in found if path.is_file() and not path.name.startswith(".")]
-    paths = sorted((path for path in files if find_format(path)), key=natural_key)
+    files = [path for path in found if (path.is_file() or is_store(path)) and not path.name.startswith(".")]
+    paths = _wanted([path for path in files if find_format(path)])
     if not paths:
         what = "what it matches are no files of frames" if found else "no file matches"
         raise FrameFileError(
@@ -141,7 +180,9 @@ def _matching(pattern: Path) -> FoundFiles:
     return _of_one_format(paths, str(pattern), notes)
 
 
-def _of_one_format(paths: Sequence[Path], origin: str, notes: tuple[str, ...] = ()) -> FoundFiles:
+def _of_one_format(
+    paths: Sequence[Path], origin: str, notes: tuple[str, ...] = (), *, given_order: bool = False
+) -> FoundFiles:
     formats = {path: require_format(path) for path in paths}
     kinds = list(dict.fromkeys(formats.values()))
     if len(kinds) > 1:
@@ -150,9 +191,5 @@ def _of_one_format(paths: Sequence[Path], origin: str, notes: tuple[str, ...] = 
         raise FrameFileError(
             f"{origin}: files of different kinds, {counts}; choose one kind by a pattern such as {example!r}"
         )
-    if kinds[0].is_video and len(paths) > 1:
-        raise FrameFileError(
-            f"{origin}: {len(paths)} videos, the first two {paths[0].name!r} and {paths[1].name!r}; "
-            "give one video at a time"
-        )
-    return FoundFiles(tuple(paths), kinds[0], origin, notes)
+    naming = read_names(paths, given_order=given_order)
+    return FoundFiles(naming.paths, kinds[0], origin, (*notes, *naming.notes))

@@ -1,26 +1,33 @@
-"""Sources: a recording as grey frames of one shape and type, read one at a time."""
+"""Sources: a recording as grey frames of one shape and scale, read one at a time."""
 
 from __future__ import annotations
 
 import abc
 import contextlib
 import hashlib
-import itertools
-import os
-from collections.abc import Generator, Iterable, Iterator
-from typing import Any, TypeAlias
+import sys
+from collections.abc import Generator, Iterator, Sequence
+from typing import Any, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.errors import FrameFileError, InputError
+from sixflow.errors import InputError
 from sixflow.frames.bad import BadFrame
-from sixflow.frames.formats import FrameFile
 from sixflow.frames.grey import to_grey
+from sixflow.frames.masked import without_mask
 from sixflow.frames.metadata import Metadata
-from sixflow.frames.paths import FoundFiles, require_readable
+from sixflow.frames.notebook import Notebook
+from sixflow.frames.selection import Selection
 
 Array: TypeAlias = NDArray[Any]
+Raw: TypeAlias = tuple[int, str, Array | BadFrame]
+"""Number, name and stored pixels of a frame."""
+
+_COLOURS = ("red", "green", "blue")
+
+_SQUARE = 1e-3
+"""Pixels whose aspect is this near to 1 are square."""
 
 
 class FrameSource(abc.ABC):
@@ -28,7 +35,8 @@ class FrameSource(abc.ABC):
 
     Iteration yields arrays of shape `shape` and type `dtype`, one at a time: the recording never stands in
     memory as a whole. ``len(source)`` is the number of frames, and of videos the number of frames announced
-    by their packets; ``source[i]`` reads one frame where that is cheap, so not of videos.
+    by their packets; ``source[i]`` reads one frame where that is cheap, so not of videos. ``source[2:9:3]`` is a
+    source of these frames.
 
     Attributes
     ----------
@@ -36,10 +44,6 @@ class FrameSource(abc.ABC):
         Rows and columns of every frame, px.
     dtype : numpy.dtype
         Type of the grey values. A later frame with transparent pixels, or in colour, comes as floats of the same scale.
-    notes : tuple of str
-        What was done to the frames and what a user should know about them.
-    fingerprint : str
-        Digest of the first frame, its shape and type: tells recordings apart without reading them.
 
     Examples
     --------
@@ -49,25 +53,30 @@ class FrameSource(abc.ABC):
     [0.0, 1.0]
     """
 
-    def __init__(self) -> None:
-        with contextlib.closing(self._raw(0)) as frames:
-            found = next(frames, None)
-            bad = found
-            while found is not None and isinstance(found[1], BadFrame):  # the first that can be read
-                found = next(frames, None)
-        if found is None:
-            if bad is not None and isinstance(bad[1], BadFrame):
-                raise bad[1].error
-            raise InputError(f"{self._origin()}: no frames; give at least two to measure a motion")
-        self._first_name, frame = found
-        assert not isinstance(frame, BadFrame)
-        grey, grey_notes = to_grey(frame, self._first_name)
+    def __init__(self, selection: Selection = Selection()) -> None:  # noqa: B008 - it is frozen
+        self._colour = selection.channel
+        self._book = Notebook()
+        bad: BadFrame | None = None
+        first: tuple[str, Array] | None = None
+        with contextlib.closing(self._raw(all_of(self.count))) as frames:
+            for _, name, frame in frames:  # the first that can be read
+                if not isinstance(frame, BadFrame):
+                    first = name, frame
+                    break
+                bad = bad or frame
+        if first is None:
+            raise (
+                InputError(f"{self._origin()}: no frames; give at least two to measure a motion")
+                if bad is None
+                else bad.error
+            )
+        self._first_name, frame = first
+        self._scale = _scale(frame)
+        grey, notes = self._grey(*first)
+        self._book.take(notes, 0, self._first_name)
         self.shape: tuple[int, int] = (grey.shape[0], grey.shape[1])
         self.dtype: np.dtype[Any] = grey.dtype
-        self._scale = _scale(frame)
-        content = f"{grey.dtype.str} {grey.shape}".encode() + np.ascontiguousarray(grey).tobytes()
-        self.fingerprint: str = hashlib.sha256(content).hexdigest()[:16]
-        self.notes: tuple[str, ...] = tuple(dict.fromkeys((*self._own_notes(), *grey_notes)))
+        self._digest = digest_of(grey)
 
     @property
     @abc.abstractmethod
@@ -75,15 +84,29 @@ class FrameSource(abc.ABC):
         """Number of frames; None where only reading them would tell."""
 
     @abc.abstractmethod
-    def _raw(self, start: int) -> Generator[tuple[str, Array | BadFrame]]:
-        """Yield name and stored pixels of the frames from number `start` on."""
+    def _raw(self, numbers: range) -> Generator[Raw]:
+        """Yield the frames of these numbers; where their number is unknown, as far as they go."""
 
     @abc.abstractmethod
     def _origin(self) -> str:
         """Return where the frames come from, in a few words."""
 
     def _own_notes(self) -> tuple[str, ...]:
+        """Notes on the recording, and on frames as they are read."""
         return ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was done to the frames and what a user should know about them; complete when all have been read."""
+        aspect = self.metadata.pixel_aspect
+        shape = f"pixels are not square: they are {aspect:.4g} times as high as wide, which is not corrected"
+        notes = (*self._own_notes(), *((shape,) if abs(aspect - 1) > _SQUARE else ()), *self._book.notes)
+        return tuple(dict.fromkeys(notes))
+
+    @property
+    def fingerprint(self) -> str:
+        """Digest of the first frame, its shape and type: tells recordings apart without reading them."""
+        return self._digest
 
     @property
     def times(self) -> Array | None:
@@ -136,10 +159,7 @@ class FrameSource(abc.ABC):
         InputError
             If a frame has another shape or type than the first.
         """
-        for frame in self.attempt(start):
-            if isinstance(frame, BadFrame):
-                raise frame.error
-            yield frame
+        return strict(self.attempt(start))
 
     def attempt(self, start: int = 0) -> Iterator[Array | BadFrame]:
         """Yield the frames from number `start` on; in place of one that cannot be read or used, a `BadFrame`.
@@ -149,16 +169,20 @@ class FrameSource(abc.ABC):
         FrameFileError
             If nothing that follows can be read.
         """
-        for name, frame in self._raw(start):
-            yield frame if isinstance(frame, BadFrame) else self._alike(name, frame)
+        return self._attempt(all_of(self.count)[start:])
 
-    def _alike(self, name: str, frame: Array) -> Array | BadFrame:
+    def _attempt(self, numbers: range) -> Iterator[Array | BadFrame]:
+        for number, name, frame in self._raw(numbers):
+            yield frame if isinstance(frame, BadFrame) else self._alike(number, name, frame)
+
+    def _alike(self, number: int, name: str, frame: Array) -> Array | BadFrame:
         """The frame in grey, if it is like the first."""
         try:
-            grey, _ = to_grey(frame, name)
+            grey, notes = self._grey(name, frame)
         except InputError as error:
             return BadFrame(name, error)
         if grey.shape == self.shape and _scale(frame) == self._scale:
+            self._book.take(notes, number, name)
             return grey.astype(np.result_type(grey.dtype, self.dtype), copy=False)
         return BadFrame(
             name,
@@ -169,183 +193,71 @@ class FrameSource(abc.ABC):
             ),
         )
 
-    def __getitem__(self, index: int) -> Array:
-        """Read one frame; negative numbers count from the end."""
-        count = len(self)
-        if not -count <= index < count:
-            raise InputError(f"frame {index}: the recording has the frames 0 to {count - 1}")
-        return next(self.iterate(index % count))
+    def _grey(self, name: str, frame: Array) -> tuple[Array, tuple[str, ...]]:
+        """The frame in grey, or the channel of a colour picture that was chosen."""
+        if isinstance(frame, np.ma.MaskedArray):
+            grey, notes = self._grey(name, without_mask(frame))
+            hidden = bool(np.ma.getmaskarray(frame).any())
+            return grey, (*notes, *(("masked pixels have no value",) if hidden else ()))
+        channel = self._colour
+        if channel is None or frame.ndim < 3 or frame.shape[2] < 3:
+            if channel not in (None, 0, "0"):
+                raise InputError(
+                    f"channel={channel!r}: {name} has one channel only, number 0; leave channel out"
+                )
+            return to_grey(frame, name)
+        text = str(channel).lower()
+        number = _COLOURS.index(text) if text in _COLOURS else int(text) if text.isdecimal() else 3
+        if number > 2:
+            raise InputError(f"channel={channel!r}: {name} has the channels 0 'red', 1 'green', 2 'blue'")
+        picked = frame[..., number : number + 1] if frame.shape[2] == 3 else frame[..., [number, 3]]
+        grey, notes = to_grey(picked, name)
+        return grey, (*notes, f"the {_COLOURS[number]} of the colours is read")
 
+    @overload
+    def __getitem__(self, index: int) -> Array: ...
 
-class FileSource(FrameSource):
-    """Files of one format, or one video.
+    @overload
+    def __getitem__(self, index: slice) -> FrameSource: ...
 
-    Where the first file holds one frame, every file is taken to hold one, so that a folder of thousands opens
-    at once; a file with more is refused when it is met. Otherwise the frames of all files are counted first.
-    """
-
-    def __init__(self, found: FoundFiles) -> None:
-        self._found = found
-        first = self._open(0)
-        self._first_file = first
-        others = range(1, len(found.paths))
-        if first.count == 1:
-            self._counts = [1] * len(found.paths)
-        else:
-            self._counts = [first.count, *(self._open(number).count for number in others)]
-        super().__init__()
-
-    def _open(self, number: int) -> FrameFile:
-        path = self._found.paths[number]
-        require_readable(path)
-        return self._found.format.open(path)
-
-    @property
-    def count(self) -> int:
-        """Number of frames."""
-        return sum(self._counts)
-
-    @property
-    def times(self) -> Array | None:
-        """Time of each frame as the file states it, s; None for several files."""
-        return self._first_file.times if len(self._counts) == 1 else None
-
-    @property
-    def metadata(self) -> Metadata:
-        """What the first file says of itself."""
-        return self._first_file.metadata
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """File names, with the number of the frame where a file holds several."""
-        return tuple(
-            _frame_name(path.name, number, count)
-            for path, count in zip(self._found.paths, self._counts, strict=True)
-            for number in range(count)
-        )
-
-    @property
-    def description(self) -> str:
-        """One line about the recording."""
-        detail = self._first_file.detail
-        return super().description + (f", {detail}" if detail else "")
-
-    def _origin(self) -> str:
-        number = len(self._found.paths)
-        if number == 1 or self._found.origin == f"{number} files":
-            return self._found.origin
-        return f"{self._found.origin} ({number} {self._found.format.name} files)"
-
-    def _own_notes(self) -> tuple[str, ...]:
-        return (*self._found.notes, *self._first_file.notes)
-
-    def _raw(self, start: int) -> Generator[tuple[str, Array | BadFrame]]:
-        ends = list(itertools.accumulate(self._counts))
-        for number, (path, count) in enumerate(zip(self._found.paths, self._counts, strict=True)):
-            before = ends[number] - count
-            if ends[number] <= start:
-                continue
-            file = self._open(number) if number else self._first_file
-            first = max(0, start - before)
-            read = first
-            for read, frame in enumerate(file.read(first), first + 1):
-                if read > count:
-                    raise FrameFileError(
-                        f"{path}: holds more than {count} frame{'s' * (count != 1)}, unlike the first file; "
-                        "give files of one frame each, or stacks only"
-                    )
-                yield _frame_name(str(path), read - 1, count), frame
-            if read < count:
-                raise FrameFileError(f"{path}: changed while it was read: {read} of {count} frames are left")
-
-    def __getitem__(self, index: int) -> Array:
-        """Read one frame of images or stacks.
+    def __getitem__(self, index: int | slice) -> Array | FrameSource:
+        """Read one frame, or return a source of some; negative numbers count from the end.
 
         Raises
         ------
         InputError
-            If the source is a video, whose frames depend on earlier ones, or there is no such frame.
+            If there are no such frames.
         """
-        if self._found.format.is_video:
-            raise InputError(
-                f"{self._found.origin}: single frames of a video cannot be read cheaply; "
-                f"iterate over the source, or over source.iterate({index})"
-            )
-        return super().__getitem__(index)
+        if isinstance(index, slice):
+            from sixflow.frames.part import PartSource
+
+            return PartSource(self, index)
+        count = len(self)
+        if not -count <= index < count:
+            raise InputError(f"frame {index}: the recording has the frames 0 to {count - 1}")
+        return self._one(index % count)
+
+    def _one(self, number: int) -> Array:
+        return next(strict(self._attempt(range(number, number + 1))))
 
 
-class ArraySource(FrameSource):
-    """Frames in an array of shape (n, h, w[, c]), in anything indexed like one, or in a list of arrays."""
-
-    def __init__(self, frames: Any) -> None:
-        shape = tuple(getattr(frames, "shape", ()))
-        if shape and (len(shape) not in (3, 4) or (len(shape) == 3 and shape[2] <= 4 < shape[0])):
-            raise InputError(
-                f"frames: an array of shape {shape} is no recording; "
-                "give (n, h, w), or (n, h, w, c) for colour, with n = 1 for a single frame"
-            )
-        self._frames = frames
-        super().__init__()
-
-    @property
-    def count(self) -> int:
-        """Number of frames."""
-        return len(self._frames)
-
-    def _origin(self) -> str:
-        return (
-            f"a {'list of arrays' if isinstance(self._frames, list | tuple) else type(self._frames).__name__}"
-        )
-
-    def _raw(self, start: int) -> Generator[tuple[str, Array | BadFrame]]:
-        for number in range(start, self.count):
-            yield f"frame {number}", np.asarray(self._frames[number])
+def all_of(count: int | None) -> range:
+    """Return the numbers of so many frames, or of any number."""
+    return range(sys.maxsize if count is None else count)
 
 
-class StreamSource(FrameSource):
-    """Frames from an iterable of arrays, such as a generator or a camera; its length is unknown."""
-
-    def __init__(self, frames: Iterable[Any]) -> None:
-        iterator = iter(frames)
-        self._frames: Iterable[Any] | None = frames
-        self._is_one_shot = iterator is frames
-        self._head: list[Any] = list(itertools.islice(iterator, 1)) if self._is_one_shot else []
-        self._is_open = False
-        super().__init__()
-        self._is_open = True
-
-    @property
-    def count(self) -> None:
-        """None: only reading tells."""
-        return None
-
-    def _origin(self) -> str:
-        return f"a {type(self._frames).__name__}"
-
-    def _raw(self, start: int) -> Generator[tuple[str, Array | BadFrame]]:
-        if self._is_one_shot and not self._is_open:
-            frames: Iterable[Any] = self._head  # the first look must not use up the stream
-        elif self._is_one_shot:
-            if not self._head:
-                raise InputError(
-                    f"frames from a {type(self._frames).__name__} can be read once, and have been; "
-                    "give a list or an array"
-                )
-            frames = itertools.chain([self._head.pop()], self._frames or ())
-        else:
-            frames = self._frames or ()
-        for number, frame in enumerate(frames):
-            if isinstance(frame, str | os.PathLike):
-                raise InputError(
-                    f"frames: a {type(self._frames).__name__} of paths has no certain order; "
-                    "give the pattern itself, or a sorted list of paths"
-                )
-            if number >= start:
-                yield f"frame {number}", np.asarray(frame)
+def strict(frames: Iterator[Array | BadFrame]) -> Iterator[Array]:
+    """Yield frames up to a bad one, and raise its error."""
+    for frame in frames:
+        if isinstance(frame, BadFrame):
+            raise frame.error
+        yield frame
 
 
-def _frame_name(name: str, number: int, count: int) -> str:
-    return name if count == 1 else f"{name}[{number}]"
+def digest_of(grey: Array) -> str:
+    """Return a digest of a frame, its shape and type."""
+    content = f"{grey.dtype.str} {grey.shape}".encode() + np.ascontiguousarray(grey).tobytes()
+    return hashlib.sha256(content).hexdigest()[:16]
 
 
 def _scale(frame: Array) -> np.dtype[Any]:
@@ -354,5 +266,5 @@ def _scale(frame: Array) -> np.dtype[Any]:
     return dtype.newbyteorder("=")
 
 
-def _format(shape: tuple[int, ...], dtype: np.dtype[Any]) -> str:
+def _format(shape: Sequence[int], dtype: np.dtype[Any]) -> str:
     return f"{shape[1]}×{shape[0]} px of {dtype}"

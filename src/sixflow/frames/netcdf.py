@@ -1,0 +1,34 @@
+"""netCDF: one of the variables of a file, read frame by frame by xarray."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from sixflow.errors import InputError
+from sixflow.frames.arrayfile import ArrayFile, is_frames
+from sixflow.frames.dataarray import labelled
+from sixflow.frames.labelled import Labelled
+
+
+class NetcdfFile(ArrayFile):
+    """A variable of a netCDF file, with its coordinates."""
+
+    @contextlib.contextmanager
+    def _arrays(self) -> Iterator[Mapping[str, Any]]:
+        import xarray as xr
+
+        with xr.open_dataset(self.path, engine="h5netcdf", decode_times=True) as data:
+            if "sixflow_version" in data.attrs:
+                raise InputError(
+                    f"{self.path}: is a field that sixflow wrote, not a recording; give the frames"
+                )
+            yield {
+                str(name): array
+                for name, array in data.data_vars.items()
+                if is_frames(array.shape, array.dtype)
+            }
+
+    def _label(self, array: Any, name: str) -> Labelled:
+        return labelled(array, name)
