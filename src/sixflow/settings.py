@@ -5,6 +5,7 @@ attributes of the result.
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import json
 import math
 import tomllib
@@ -13,6 +14,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict, get_args
 
 from sixflow.errors import InputError
+from sixflow.values import (
+    A_SCALE,
+    is_choice,
+    is_number,
+    is_scale,
+    is_whole,
+    plain,
+    require,
+    require_choice,
+    shown,
+)
 
 if TYPE_CHECKING:
     from sixflow.search.guess import Guess
@@ -28,6 +40,9 @@ Reference = Literal["first", "middle", "second"]
 Window: TypeAlias = Any
 """A number, or "auto" as it is asked for; what measures has a number (`sixflow.resolution.ladder`)."""
 
+WIDEST = 2**20
+"""Longest window and step, px: longer than the side of any frame."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Settings:
@@ -36,7 +51,7 @@ class Settings:
     Parameters
     ----------
     window : float or "auto"
-        Side of the square subset of the same noise, px, at least 5. The weight is a Gaussian of
+        Side of the square subset of the same noise, px, from 5 to the frames' smaller side. The weight is a Gaussian of
         σ = window/√(4π) = window/3.545. Larger: less noise, less resolution. "auto" measures with windows from
         8 to 62 px, sharpened, and takes at each point the one of least expected error; `resolution` in the
         field says how fine it is.
@@ -111,7 +126,7 @@ class Settings:
     Settings(window=41, step=4)
     >>> Settings(step=0)
     Traceback (most recent call last):
-    sixflow.errors.InputError: step=0: must be a whole number of pixels, at least 1; 8 suits a window of 31
+    sixflow.errors.InputError: step=0: must be a whole number of pixels from 1 to 1048576; 8 suits a window of 31
     """
 
     window: Window = 31
@@ -136,79 +151,81 @@ class Settings:
     frame_interval: float | None = None
 
     def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            object.__setattr__(self, field.name, plain(getattr(self, field.name)))
         if isinstance(self.window, float) and self.window.is_integer():
             object.__setattr__(self, "window", int(self.window))  # 31.0 and 31 are the same setting
-        _require(
-            self.window == "auto" or (_is_number(self.window) and self.window >= 5),
+        require(
+            is_choice(self.window, ("auto",)) or (is_number(self.window) and 5 <= self.window <= WIDEST),
             "window",
             self.window,
-            "must be at least 5 px, or 'auto'; 31 is a good start",
+            f"must be from 5 to {WIDEST} px, or 'auto'; 31 is a good start",
         )
-        _require(
-            _is_whole(self.step, 1),
+        require(
+            is_whole(self.step, 1, WIDEST),
             "step",
             self.step,
-            "must be a whole number of pixels, at least 1; 8 suits a window of 31",
+            f"must be a whole number of pixels from 1 to {WIDEST}; 8 suits a window of 31",
         )
-        _require(
-            _is_whole(self.sharpen, 0, 16), "sharpen", self.sharpen, "must be a whole number from 0 to 16"
-        )
-        _require_choice("method", self.method, get_args(Method))
-        _require_choice("reference", self.reference, get_args(Reference))
-        _require_choice("group", self.group, get_args(Group))
-        _require(
+        require(is_whole(self.sharpen, 0, 16), "sharpen", self.sharpen, "must be a whole number from 0 to 16")
+        require_choice("method", self.method, get_args(Method))
+        require_choice("reference", self.reference, get_args(Reference))
+        require_choice("group", self.group, get_args(Group))
+        require(
             self.group == "affine" or self.sharpen == 0,
             "sharpen",
             self.sharpen,
             f"must be 0 with group={self.group!r}: sharpening needs all six numbers; take group='affine'",
         )
-        _require(
+        require(
             self.window != "auto" or (self.method == "least_squares" and self.group == "affine"),
             "window",
             self.window,
             "needs method='least_squares' and group='affine'; otherwise give a number of pixels, such as 31",
         )
-        _require_choice("interpolation", self.interpolation, get_args(Interpolation))
-        _require(
-            _is_number(self.lowpass) and (self.lowpass == 0 or 0.4 <= self.lowpass <= 4),
+        require_choice("interpolation", self.interpolation, get_args(Interpolation))
+        require(
+            is_number(self.lowpass) and (self.lowpass == 0 or 0.4 <= self.lowpass <= 4),
             "lowpass",
             self.lowpass,
             "must be 0 or from 0.4 to 4 px; 0.7 suits sharp textures",
         )
-        _require(
+        require(
             self.lowpass == 0 or self.method == "least_squares",
             "lowpass",
             self.lowpass,
             f"must be 0 with method={self.method!r}, whose operators have a band of their own; "
             "take method='least_squares'",
         )
-        _require_choice("search", self.search, get_args(Search))
-        _require_choice("lighting", self.lighting, get_args(Lighting))
-        _require(
-            self.levels is None or _is_whole(self.levels, 0, 12),
+        require_choice("search", self.search, get_args(Search))
+        require_choice("lighting", self.lighting, get_args(Lighting))
+        require(
+            self.levels is None or is_whole(self.levels, 0, 12),
             "levels",
             self.levels,
             "must be from 0 to 12, or None to choose it from the frame",
         )
-        _require(_is_whole(self.passes, 1), "passes", self.passes, "must be a whole number, at least 1")
-        _require(
-            _is_number(self.tolerance) and self.tolerance > 0,
+        require(
+            is_whole(self.passes, 1, 1000), "passes", self.passes, "must be a whole number from 1 to 1000"
+        )
+        require(
+            is_number(self.tolerance) and 0 < self.tolerance <= WIDEST,
             "tolerance",
             self.tolerance,
-            "must be a positive number of pixels, such as 0.005",
+            f"must be a positive number of pixels, at most {WIDEST}, such as 0.005",
         )
         for name in ("float64", "robust", "forward_backward", "replace_failed"):
             value = getattr(self, name)
-            _require(isinstance(value, bool), name, value, "must be True or False")
+            require(isinstance(value, bool), name, value, "must be True or False")
         for name in ("pixel_size", "frame_interval"):
             value = getattr(self, name)
-            _require(
-                value is None or (_is_number(value) and value > 0),
+            require(
+                value is None or is_scale(value),
                 name,
                 value,
-                "must be a positive number, or None if unknown",
+                f"must be {A_SCALE}, or None if unknown",
             )
-        _require(
+        require(
             isinstance(self.length_unit, str) and self.length_unit.strip() != "",
             "length_unit",
             self.length_unit,
@@ -227,7 +244,7 @@ class Settings:
         """Standard deviation of the Gaussian weight, px: window/√(4π)."""
         return float(self.window) / math.sqrt(4 * math.pi)
 
-    def replace(self, **changes: Any) -> Settings:
+    def replace(self, /, **changes: Any) -> Settings:
         """Return the settings with some values changed.
 
         Raises
@@ -235,13 +252,7 @@ class Settings:
         InputError
             If a name is no setting, or a value is out of range.
         """
-        unknown = sorted(set(changes) - _names())
-        _require(
-            not unknown,
-            ", ".join(unknown),
-            "given",
-            f"no such setting; there are {', '.join(sorted(_names()))}",
-        )
+        require_names(changes)
         return dataclasses.replace(self, **changes)
 
     def to_json(self) -> str:
@@ -253,7 +264,12 @@ class Settings:
         """Settings from a mapping such as a parsed JSON or TOML table; names not given keep their
         defaults.
         """
-        return cls().replace(**values)
+        if not isinstance(values, Mapping):
+            raise InputError(
+                f"settings={shown(values)}: must be a mapping of names to values, such as a dict"
+            )
+        require_names(values)
+        return cls(**values)
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Settings:
@@ -266,12 +282,14 @@ class Settings:
         """
         try:
             values = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError) as error:
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"settings file {str(path)!r} is not valid TOML: {error}") from error
+        except (OSError, TypeError, ValueError) as error:  # no text, or no path
             raise InputError(
                 f"settings file {str(path)!r} cannot be read: {error}; give the path of a TOML file"
             ) from error
-        except tomllib.TOMLDecodeError as error:
-            raise InputError(f"settings file {str(path)!r} is not valid TOML: {error}") from error
+        except RecursionError as error:
+            raise InputError(f"settings file {str(path)!r} is nested too deeply for settings") from error
         return cls.from_mapping(values)
 
 
@@ -300,22 +318,43 @@ class SettingsOptions(TypedDict, total=False):
     frame_interval: float | None
 
 
-def _names() -> set[str]:
-    return {f.name for f in dataclasses.fields(Settings)}
+def require_names(given: Mapping[Any, Any]) -> None:
+    """Refuse a mapping with a key that is no setting.
+
+    Raises
+    ------
+    InputError
+        It names the key and the settings that there are, and the one that was probably meant.
+
+    Examples
+    --------
+    >>> require_names({"windwo": 31})
+    Traceback (most recent call last):
+    sixflow.errors.InputError: windwo: no such setting, did you mean window? There are window, step, method, ...
+    """
+    names = [field.name for field in dataclasses.fields(Settings)]
+    unknown = [name for name in given if name not in names]
+    if unknown:
+        alike = [match for name in unknown for match in difflib.get_close_matches(str(name), names, 1)]
+        meant = f", did you mean {', '.join(alike)}?" if alike else ";"
+        raise InputError(
+            f"{', '.join(shown(name).strip(chr(39)) for name in unknown)}: no such setting{meant} "
+            f"{'There' if alike else 'there'} are {', '.join(names)}"
+        )
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+def require_settings(settings: object) -> Settings:
+    """Return settings that are given as such; the defaults for None.
 
-
-def _is_whole(value: object, low: int, high: float = math.inf) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
-
-
-def _require(condition: bool, name: str, value: object, remedy: str) -> None:
-    if not condition:
-        raise InputError(f"{name}={value!r}: {remedy}")
-
-
-def _require_choice(name: str, value: object, choices: tuple[str, ...]) -> None:
-    _require(value in choices, name, value, f"must be one of {', '.join(map(repr, choices))}")
+    Raises
+    ------
+    InputError
+        If it is something else.
+    """
+    if settings is None:
+        return Settings()
+    if not isinstance(settings, Settings):
+        raise InputError(
+            f"settings={shown(settings)}: must be a sixflow.Settings; of a mapping it is made by Settings.from_mapping"
+        )
+    return settings

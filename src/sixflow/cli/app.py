@@ -8,12 +8,13 @@ from collections.abc import Callable, Sequence
 from cyclopts import App
 
 from sixflow.cli.demo import demo
-from sixflow.cli.errors import report
+from sixflow.cli.errors import FAILED, report
 from sixflow.cli.info import info
 from sixflow.cli.interpret import interpret
 from sixflow.cli.measure import measure
 from sixflow.cli.operators import operators
 from sixflow.cli.plot import plot
+from sixflow.cli.streams import flushed, usable_streams
 
 USAGE = {
     "measure": "sixflow measure FRAMES... -o FIELD [OPTIONS]",
@@ -94,16 +95,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         What follows `sixflow` on the command line; `sys.argv[1:]` if not given.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
-    debug = "--debug" in given
-    _forgive_encoding()
+    with usable_streams():
+        code = _run([argument for argument in given if argument != "--debug"], "--debug" in given)
+        broken = flushed(sys.stdout)
+        if code == 0 and broken is not None:
+            code = report(broken)
+        flushed(sys.stderr)
+    return code
+
+
+def _run(arguments: list[str], debug: bool) -> int:
     try:
-        build_app()(
-            [argument for argument in given if argument != "--debug"],
-            exit_on_error=False,
-            print_error=False,
-            result_action="return_value",
-        )
-        sys.stdout.flush()
+        build_app()(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+    except SystemExit as end:  # by which rich ends where nobody reads its output
+        return end.code if isinstance(end.code, int) else FAILED
     except (Exception, KeyboardInterrupt) as error:
         return report(error, debug)
     return 0
@@ -117,10 +122,3 @@ def _version() -> str:
 
 def _epilogue(command: str) -> str:
     return f"Examples:\n{EXAMPLES[command]}\n--debug, with any command, shows the traceback of an error."
-
-
-def _forgive_encoding() -> None:
-    """Let a terminal that lacks a character show '?' in its place."""
-    reconfigure = getattr(sys.stdout, "reconfigure", None)
-    if reconfigure is not None:
-        reconfigure(errors="replace")

@@ -10,12 +10,13 @@
 
 from __future__ import annotations
 
-import os
+import errno
 import sys
 import traceback
 
 from cyclopts import CycloptsError
 
+from sixflow.cli.streams import hush
 from sixflow.errors import FieldFileError, FrameFileError, InputError, SixflowError
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -32,10 +33,11 @@ def report(error: BaseException, debug: bool = False) -> int:
         Write the traceback too.
     """
     if isinstance(error, BrokenPipeError):  # the reader, such as `head`, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        hush(sys.stdout)
         return FAILED
     if debug:
-        traceback.print_exception(error)
+        for line in "".join(traceback.format_exception(error)).splitlines():
+            _write(line)
     if isinstance(error, KeyboardInterrupt):
         say("interrupted" if _notes(error) else "interrupted; the output was not written")
     else:
@@ -50,7 +52,17 @@ def report(error: BaseException, debug: bool = False) -> int:
 
 def say(text: str) -> None:
     """Write one line to stderr, under the name of the program."""
-    print(f"sixflow: {' '.join(text.split())}", file=sys.stderr, flush=True)
+    _write(f"sixflow: {' '.join(text.split())}")
+
+
+def _write(line: str) -> None:
+    """Write a line to stderr; where nobody reads that, there is nobody to tell."""
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except OSError:
+        hush(sys.stderr)
+    except ValueError:
+        pass
 
 
 def _message(error: BaseException) -> str:
@@ -59,6 +71,8 @@ def _message(error: BaseException) -> str:
     if isinstance(error, CycloptsError):
         command = " ".join(("sixflow", *(error.command_chain or ())))
         return f"{error} See {command} --help"
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EIO) and error.filename is None:
+        return f"the output cannot be written ({error.strerror}); check the room on the disk"
     if isinstance(error, MemoryError):
         return f"not enough memory ({error}); measure with a larger --step, or crop the frames"
     return (

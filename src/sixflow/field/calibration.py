@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ import xarray as xr
 
 from sixflow.errors import InputError
 from sixflow.field.selection import stored_settings
+from sixflow.values import A_SCALE, is_scale, plain, shown
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,16 +96,13 @@ def _positive(name: str, value: Any) -> float:
         raise InputError(
             f"{name} is unknown: give {name}=..., or set it once with field.sixflow.calibrate({name}=...)"
         )
-    try:
-        number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if not (math.isfinite(number) and number > 0):
-        raise InputError(f"{name}={value!r}: must be a positive number")
-    return number
+    value = plain(value)
+    if not is_scale(value):
+        raise InputError(f"{name}={shown(value)}: must be {A_SCALE}")
+    return float(value)
 
 
 def _unit(value: Any) -> str:
     if not isinstance(value, str) or not value.strip():
-        raise InputError(f"length_unit={value!r}: must name a unit, such as 'mm'")
+        raise InputError(f"length_unit={shown(value)}: must name a unit, such as 'mm'")
     return value
