@@ -8,8 +8,10 @@ per pair, for recordings that are written as they are measured.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Literal, Unpack, get_args
+import dataclasses
+import os
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from typing import Any, Unpack
 
 import numpy as np
 import xarray as xr
@@ -18,14 +20,14 @@ from numpy.typing import ArrayLike
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import joined_attrs, said_of_pairs
+from sixflow.frames import FrameSource, open_frames
 from sixflow.masks import MaskLike, Masks
-from sixflow.pair import PairResult, Prepared
+from sixflow.recording import Recording, Schedule
 from sixflow.search.guess import without_guess
-from sixflow.sequence import Update, check_update, follow
+from sixflow.sequence import Update, check_update, consecutive, follow
 from sixflow.session import Session
 from sixflow.settings import Settings, SettingsOptions
-
-Pairs = Literal["consecutive", "first", "incremental"]
+from sixflow.times import FrameTimes, Pairs, Times
 
 
 def measure(
@@ -40,9 +42,10 @@ def measure(
 
     Parameters
     ----------
-    frame0, frame1 : array_like, shape (height, width)
-        Grey values: integers or floats of any range. frame0 is the reference: frame1(x + u) =
-        frame0(x). Pixels that are NaN or infinite are masked.
+    frame0, frame1 : array_like, shape (height, width), or path
+        Grey values: integers or floats of any range, or a file of one frame. frame0 is the reference: frame1(x + u) =
+        frame0(x). Pixels that are NaN or infinite are masked. Two frames that are the same to the last bit are a copy,
+        and flagged `repeated`.
     mask : array_like of bool or int, shape (height, width) or (2, height, width), optional
         Region of interest of frame 0: True where to measure. Parts that a gap separates are measured apart. Whole
         numbers name the bodies: 0 is not measured, those of different numbers are measured apart and may touch.
@@ -86,21 +89,28 @@ def measure(
     """
     masks = _masks_of_a_pair(mask)
     chosen, guess = without_guess(settings or Settings(), options)
+    files = _files(frame0, frame1, chosen)
+    chosen = chosen if files is None else files.settings
     session = Session(chosen, masks_move=masks.moving, guess=guess)
-    frames = [
-        session.prepare(frame, f"frame{k}", masks.at(k), lasting=True)
-        for k, frame in enumerate((frame0, frame1))
-    ]
-    return session.field(session.measure_pair(frames[0], frames[1], (0, 1)), [0.0], "frame")
+    given = (frame0, frame1) if files is None else tuple(files.source)
+    frames = [session.prepare(frame, f"frame{k}", masks.at(k), lasting=True) for k, frame in enumerate(given)]
+    result = session.measure_pair(frames[0], frames[1], (0, 1))
+    if files is None:
+        times = FrameTimes(None, chosen.frame_interval)
+        return session.field(result, times.of_pair((0, 1), (0, 1), "consecutive", chosen.reference))
+    result = dataclasses.replace(result, notes=(*files.news(), *result.notes))
+    return session.field(result, files.times_of((0, 1)), files.names_of((0, 1)), source=files.source.origin)
 
 
 def measure_sequence(
     frames: Iterable[ArrayLike],
     *,
     pairs: Pairs = "consecutive",
+    lag: int = 1,
     update: Update = None,
     mask: MaskLike | None = None,
-    times: Sequence[float] | None = None,
+    times: Times | None = None,
+    strict: bool = False,
     settings: Settings | None = None,
     progress: Callable[[int], None] | None = None,
     **options: Unpack[SettingsOptions],
@@ -110,10 +120,14 @@ def measure_sequence(
     Parameters
     ----------
     frames : iterable of array_like, shape (height, width), or array, shape (n, height, width)
-        Taken one at a time: a generator, a `FrameSource` of `open_frames`, a list or an array.
-    pairs : {"consecutive", "first", "incremental"}
-        Each frame against the next; the motion from the first frame to each later one, measured directly, each
-        starting from the result before; or the same, joined from the motions between successive frames.
+        Whatever `open_frames` takes: a generator, a list, an array, a path, or a `FrameSource`. Frames are taken one at a
+        time.
+    pairs : {"consecutive", "double", "first", "incremental"}
+        Each frame against the next; frame 0 against 1, 2 against 3 …, as double-frame cameras record; the motion from
+        the first frame to each later one, measured directly, each starting from the result before; or the same, joined
+        from the motions between successive frames.
+    lag : int
+        With pairs="consecutive": each frame against the one so many frames later, at least 1.
     update : int, "lost" or None
         With pairs="first": renew the frame that is compared with, every so many frames, or when correlation is lost
         (less than `sequence.LOST` of the points that it had are valid), and join what is measured from it to the
@@ -121,26 +135,34 @@ def measure_sequence(
     mask : array_like of bool or int, iterable or callable, optional
         As for `measure`: one, of the reference frames (with pairs other than "consecutive", of the first frame), or
         one for each frame: an array (n, height, width), an iterable, or a function of the frame's number.
-    times : sequence of float, optional
-        Time of each frame, s. If not given, those of a `FrameSource`, or multiples of `frame_interval`,
-        or frame numbers.
+    times : sequence, optional
+        Time of each frame: seconds, dates (datetime64 or datetime) or durations (timedelta64 or timedelta). They have
+        to grow, and count as they are. If not given: multiples of `frame_interval`; the time stamps of a `FrameSource`;
+        the frame interval that it states; or frame numbers, with rates per frame.
+    strict : bool
+        Raise at the first frame that cannot be used. Otherwise the pairs of such a frame (constant, without a value, of
+        another shape, not to be decoded) are NaN and flagged `bad_frame`, and a pair of two equal frames `repeated`;
+        notes tell which and why, and the recording goes on.
     settings, **options
-        As for `measure`.
+        As for `measure`. `pixel_size`, `length_unit` and `frame_interval` are those of the recording's metadata where
+        they are not given.
     progress : callable, optional
         Called with the number of pairs done, after each.
 
     Returns
     -------
     xarray.Dataset
-        As from `measure`, one time per pair: the time at which its points lie (of its moved frame if pairs is not
-        "consecutive"). Where motions are joined, also `moved_covariance`, the part of the covariance that is from
+        As from `measure`, one time per pair: the time at which its points lie (of its moved frame if pairs is "first" or
+        "incremental"). `time0` and `time1` are the times of its frames, `interval` what passed between them, which
+        rates are divided by; NaN where frames may be missing. Where motions are joined, also `moved_covariance`, the part of the covariance that is from
         the moved frame's noise, and `measured_from`, the frame that the moved one was compared with.
 
     Raises
     ------
     InputError
-        As `measure`, and if there are fewer than two frames, or they differ in shape, or `update` does not go with
-        `pairs` and `reference`.
+        As `measure`, and if there are fewer than two frames; if times do not grow, are not one per frame, or contradict
+        `frame_interval`; if `update` or `lag` does not go with `pairs` and `reference`; if no frame can be used, or not
+        the one that all motions start from.
 
     Examples
     --------
@@ -150,23 +172,39 @@ def measure_sequence(
     array([0.5, 1. ], dtype=float32)
     """
     fields = []
-    source = iterate_sequence(
-        frames, pairs=pairs, update=update, mask=mask, times=times, settings=settings, **options
+    measured = _measured(
+        frames,
+        Schedule(pairs, lag),
+        update,
+        mask=mask,
+        times=times,
+        settings=settings,
+        strict=strict,
+        options=options,
     )
-    for done, field in enumerate(source, start=1):
-        fields.append(field)
+    left_over: tuple[str, ...] = ()
+    while True:
+        try:
+            fields.append(next(measured))
+        except StopIteration as end:
+            left_over = end.value
+            break
         if progress is not None:
-            progress(done)
-    return join_fields(fields)
+            progress(len(fields))
+    joined = join_fields(fields)
+    notes = "\n".join([*joined.attrs["notes"].splitlines(), *left_over])
+    return joined.assign_attrs(notes=notes)
 
 
 def iterate_sequence(
     frames: Iterable[ArrayLike],
     *,
     pairs: Pairs = "consecutive",
+    lag: int = 1,
     update: Update = None,
     mask: MaskLike | None = None,
-    times: Sequence[float] | None = None,
+    times: Times | None = None,
+    strict: bool = False,
     settings: Settings | None = None,
     skip: int = 0,
     done: xr.Dataset | None = None,
@@ -188,42 +226,74 @@ def iterate_sequence(
     xarray.Dataset
         With one time.
     """
-    if pairs not in get_args(Pairs):
-        raise InputError(f"pairs={pairs!r}: must be one of {', '.join(map(repr, get_args(Pairs)))}")
+    yield from _measured(
+        frames,
+        Schedule(pairs, lag),
+        update,
+        mask=mask,
+        times=times,
+        settings=settings,
+        strict=strict,
+        skip=skip,
+        done=done,
+        options=options,
+    )
+
+
+def _measured(
+    frames: Any,
+    schedule: Schedule,
+    update: Update,
+    *,
+    mask: MaskLike | None,
+    times: Times | None,
+    settings: Settings | None,
+    strict: bool,
+    options: SettingsOptions,
+    skip: int = 0,
+    done: xr.Dataset | None = None,
+) -> Generator[xr.Dataset, None, tuple[str, ...]]:
+    """Yield the field of each pair; what remains to be said in the end is returned."""
     masks = Masks(mask)
-    chosen, guess = without_guess(settings or Settings(), options)
-    renewal = check_update(update, pairs, chosen.reference)
-    session = Session(chosen, masks_move=masks.moving, guess=guess)
-    stamps = getattr(frames, "times", None) if times is None else times
-    if pairs == "consecutive":
-        results = _consecutive(session, frames, masks, skip)
+    asked, guess = without_guess(settings or Settings(), options)
+    renewal = check_update(update, schedule.pairs, asked.reference)
+    if not isinstance(strict, bool):
+        raise InputError(f"strict={strict!r}: must be True or False")
+    recording = Recording(open_frames(frames), schedule, _stamps(frames, times), asked)
+    session = Session(recording.settings, masks_move=masks.moving, guess=guess, strict=strict)
+    if schedule.pairs in ("first", "incremental"):
+        results = follow(session, recording, masks, renewal, skip, done)
     else:
-        results = follow(session, frames, masks, renewal, skip, done)
-    count = 0
-    for number, result in enumerate(results):
-        count += 1
-        if result is not None:
-            time, unit, meaning = _time_of(number, pairs, stamps, chosen)
-            yield session.field(result, [time], unit, meaning)
-    if count < 2:
-        raise InputError(f"frames: {count} given; a motion needs at least two")
+        results = consecutive(session, recording, masks, skip)
+    attrs = (
+        schedule.attrs | ({} if update is None else {"update": update}) | {"source": recording.source.origin}
+    )
+    for places, result in results:
+        result = dataclasses.replace(result, notes=(*recording.news(), *result.notes))
+        yield session.field(result, recording.times_of(places), recording.names_of(places), **attrs)
+    recording.check_count()
+    return recording.left_over()
 
 
-def _consecutive(
-    session: Session, frames: Iterable[ArrayLike], masks: Masks, skip: int
-) -> Iterator[PairResult | None]:
-    """Yield, for each frame, the motion from the one before; None for frame 0 and what is left out."""
-    before: Prepared | None = None
-    # a frame that is in no wanted pair is read but not prepared; the first one gives the grey constant
-    for number, raw in enumerate(frames):
-        result = None
-        bodies = masks.at(number)
-        if before is None or number >= skip:
-            frame = session.prepare(raw, f"frame {number}", bodies)
-            if before is not None and number > skip:
-                result = session.measure_pair(before, frame, (number - 1, number))
-            before = frame
-        yield result
+def _stamps(frames: Any, times: Times | None) -> Times | None:
+    """Times of the frames, from whoever calls or from an object of frames that has some."""
+    return getattr(frames, "times", None) if times is None and not isinstance(frames, FrameSource) else times
+
+
+def _files(frame0: Any, frame1: Any, settings: Settings) -> Recording | None:
+    """The recording of two files of one frame each, where a pair is given by paths."""
+    are_paths = [isinstance(frame, str | os.PathLike) for frame in (frame0, frame1)]
+    if not any(are_paths):
+        return None
+    if not all(are_paths):
+        raise InputError("frame0 and frame1: a path and an array; give two paths, or open_frames(path)[0]")
+    source = open_frames([frame0, frame1])
+    if source.count != 2:
+        raise InputError(
+            f"frame0={str(frame0)!r}, frame1={str(frame1)!r}: hold {source.count} frames; a pair is two files of one each, "
+            "and measure_sequence(open_frames(…)) measures a recording"
+        )
+    return Recording(source, Schedule("consecutive"), None, settings)
 
 
 def _masks_of_a_pair(mask: MaskLike | None) -> Masks:
@@ -254,30 +324,3 @@ def join_fields(fields: Sequence[xr.Dataset]) -> xr.Dataset:
         combine_attrs="override",
     )
     return joined.assign_attrs(joined_attrs([said_of_pairs(field.attrs) for field in fields]))
-
-
-def _time_of(
-    number: int, pairs: Pairs, stamps: Sequence[float] | None, settings: Settings
-) -> tuple[float, str, str]:
-    """Time of a pair whose moved frame has a number, its unit, and what it is the time of."""
-    if pairs != "consecutive":
-        return *_stamp(number, stamps, settings), "time of the moved frame"
-    before, unit = _stamp(number - 1, stamps, settings)
-    if settings.reference == "first":
-        return before, unit, "time of the reference frame"
-    after, _ = _stamp(number, stamps, settings)
-    if settings.reference == "second":
-        return after, unit, "time of the second frame, in which the points lie"
-    return (before + after) / 2, unit, "time of the middle between the frames, in which the points lie"
-
-
-def _stamp(number: int, stamps: Sequence[float] | None, settings: Settings) -> tuple[float, str]:
-    if stamps is not None:
-        if number >= len(stamps):
-            raise InputError(
-                f"times has {len(stamps)} values, but there is a frame {number}: give one time per frame"
-            )
-        return float(stamps[number]), "s"
-    if settings.frame_interval is not None:
-        return number * settings.frame_interval, "s"
-    return float(number), "frame"

@@ -20,7 +20,7 @@ from sixflow.engine.lowpass import lowpass_reach, smoothed
 from sixflow.engine.spline import spline_coefficients
 from sixflow.engine.threads import over_strips
 from sixflow.engine.window import CUT
-from sixflow.errors import InputError
+from sixflow.errors import BadFrameError, InputError
 
 _STRIP = 64
 CONTINUED = 8  # px: over this distance the coefficients of a quintic spline forget all but 1e-3
@@ -50,6 +50,28 @@ def check_frame(frame: ArrayLike, name: str) -> NDArray[Any]:
     if array.size == 0:
         raise InputError(f"{name} has shape {array.shape}: it holds no pixels")
     return array
+
+
+def require_contrast(frame: NDArray[Any], name: str) -> None:
+    """Require a frame to have texture.
+
+    Raises
+    ------
+    BadFrameError
+        If it has no finite pixel, or is constant.
+    """
+    low, high = frame.min(), frame.max()
+    if not (np.isfinite(low) and np.isfinite(high)):
+        finite = frame[np.isfinite(frame)]
+        if not finite.size:
+            raise BadFrameError(
+                f"{name} has no finite pixel: all {frame.size} are NaN or infinite; check how it was read"
+            )
+        low, high = finite.min(), finite.max()
+    if low == high:
+        raise BadFrameError(
+            f"{name} is constant ({low}): there is no texture to follow; check the frame or its exposure"
+        )
 
 
 @dataclasses.dataclass

@@ -7,8 +7,11 @@ measured from r is joined to the motion from frame 0 to r along the trajectories
 | update | frame n is measured from |
 |---|---|
 | None | frame 0 |
-| k | the last frame before n whose number is a multiple of k; 1: the frame before ("incremental") |
+| k | the last frame before n whose place is a multiple of k; 1: the frame before ("incremental") |
 | "lost" | the same frame as n − 1; from n − 1 if fewer than `LOST` of its points that stay in the frame are valid |
+
+A frame that cannot be used, or repeats the reference, is passed over: its own pair is flagged, and what follows goes on
+from the last good frame. Frame 0 has to be good.
 
 A mask of frame 0 goes along with the motion to every new reference frame.
 """
@@ -17,19 +20,22 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Iterable, Iterator
-from typing import Literal, TypeAlias
+from collections.abc import Iterator
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.convention import SIX
-from sixflow.errors import InputError
+from sixflow.errors import BadFrameError, InputError, SixflowError
+from sixflow.field.flags import FLAGS
+from sixflow.frames.bad import BadFrame
 from sixflow.masks import Bodies, Masks
 from sixflow.pair import PairResult, Prepared
 from sixflow.pieces import Start
 from sixflow.placing import leaves
+from sixflow.recording import Recording
 from sixflow.session import Session
 from sixflow.trajectory import Motion, carried, joined
 from sixflow.validate import fill_failed
@@ -71,7 +77,7 @@ class Stage:
 
     Attributes
     ----------
-    number : int
+    place : int
     frame : Prepared
     base : Motion or None
         From frame 0 to this one; None for frame 0 itself.
@@ -81,7 +87,7 @@ class Stage:
         Points that were valid in the first measurement from here.
     """
 
-    number: int
+    place: int
     frame: Prepared
     base: Motion | None
     start: Start | None = None
@@ -94,6 +100,7 @@ class Follower:
     Parameters
     ----------
     session : Session
+    recording : Recording
     masks : Masks
     update : int, "lost" or None
     done : Dataset, optional
@@ -103,93 +110,120 @@ class Follower:
     """
 
     def __init__(
-        self, session: Session, masks: Masks, update: Update, done: xr.Dataset | None, skip: int
+        self,
+        session: Session,
+        recording: Recording,
+        masks: Masks,
+        update: Update,
+        done: xr.Dataset | None,
+        skip: int,
     ) -> None:
-        self.session, self.masks, self.update = session, masks, update
+        self.session, self.recording, self.masks, self.update = session, recording, masks, update
         self.done, self.skip = done, skip
-        self.from_number = _stage_after(update, done, skip)
+        self.last_good = self._good(range(skip, 0, -1))
+        self.begins = self._reference_after()
         self.stage: Stage | None = None
         self.first: Prepared | None = None
         self._before: tuple[int, Prepared, Motion] | None = None
 
-    def needs(self, number: int) -> bool:
+    def _reference_after(self) -> int:
+        """Place of the reference frame from which measuring goes on; 0 without what was done."""
+        if self.done is None or self.skip == 0 or self.update is None:
+            return 0
+        if self.update == "lost":
+            return self.recording.place(int(self.done["measured_from"].values[self.skip - 1]))
+        return self._good(range(self.skip // self.update * self.update, 0, -self.update))
+
+    def _good(self, places: range) -> int:
+        """The first of some frames whose pair was done before and not passed over; 0 if there is none."""
+        if self.done is None:
+            return 0
+        flags = self.done["flag"]
+        return next((k for k in places if not passed_over(flags.isel(time=k - 1).values)), 0)
+
+    def needs(self, place: int) -> bool:
         """Whether a frame has to be looked at: others lie between what is done and what the rest starts from."""
-        if number in (0, self.from_number) or (number == self.skip and self.update == "lost"):
+        if place in (0, self.begins) or (self.update == "lost" and place == self.last_good):
             return True
-        return number > (self.skip if self._directly else self.from_number)
+        return place > (self.skip if self._directly else self.begins)
 
     @property
     def _directly(self) -> bool:
         """Whether the last result that is done is itself the start of the next."""
-        return self.done is not None and self.from_number == 0
+        return self.done is not None and self.begins == 0
 
-    def take(self, number: int, raw: ArrayLike, bodies: Bodies | None) -> PairResult | None:
+    def take(self, place: int, raw: ArrayLike | BadFrame, bodies: Bodies | None) -> PairResult | None:
         """Take the next frame; the motion from frame 0 to it, or None for a frame that begins or was done before."""
-        name = f"frame {number}"
-        if number == 0:
-            self.first = self.session.prepare(raw, name, bodies)
+        if place == 0:
+            self.first = self._first(raw, bodies)
             self.stage = Stage(0, self.first, None)
-            if self.skip and self._directly:
+            if self.last_good and self._directly:
                 assert self.done is not None
                 self._resume_directly(self.stage, self.done)
             return None
         assert self.stage is not None
-        if number == self.from_number:
-            assert self.done is not None
-            base = _stored_motion(self.done, number - 1)
-            self.stage = Stage(number, self._prepared(number, raw, bodies, base), base)
-            return None
-        if number == self.skip and self._directly:  # may become a reference yet
-            assert self.done is not None
-            self._before = (
-                number,
-                self._prepared(number, raw, bodies, None),
-                _stored_motion(self.done, number - 1),
-            )
-            return None
-        result = self._measured(number, self._prepared(number, raw, bodies, None))
-        return result if number > self.skip else None
+        frame = self.session.attempt(raw, self.recording.name(place), bodies if self.masks.moving else None)
+        if self.done is not None and not isinstance(frame, BadFrame):
+            if place == self.begins:
+                base = _stored_motion(self.done, place - 1)
+                self.stage = Stage(place, self._masked(frame, base), base)
+                return None
+            if place == self.last_good and self._directly:  # may become a reference yet
+                self._before = (place, frame, _stored_motion(self.done, place - 1))
+                return None
+        result = self._measured(place, frame)
+        return result if place > self.skip else None
+
+    def _first(self, raw: ArrayLike | BadFrame, bodies: Bodies | None) -> Prepared:
+        name = self.recording.name(0)
+        try:
+            if isinstance(raw, BadFrame):
+                raise raw.error
+            return self.session.prepare(raw, name, bodies)
+        except SixflowError as error:
+            if not isinstance(raw, BadFrame) and not isinstance(error, BadFrameError):
+                raise
+            raise BadFrameError(
+                f"{error}. All motions of pairs={self.recording.schedule.pairs!r} start from {name}: leave it out, with "
+                "open_frames(…, first=1) (--first 1)"
+            ) from error
 
     def _resume_directly(self, stage: Stage, done: xr.Dataset) -> None:
-        last = _stored_motion(done, self.skip - 1)
+        last = _stored_motion(done, self.last_good - 1)
         stage.start = Start.from_six(last.six, last.flag, last.body)
-        stage.valid = _stored_motion(done, 0).valid
-
-    def _prepared(self, number: int, raw: ArrayLike, bodies: Bodies | None, base: Motion | None) -> Prepared:
-        """A frame with its own mask, or with that of frame 0, moved along, if it is to be a reference."""
-        if not self.masks.moving:
-            bodies = None
-        prepared = self.session.prepare(raw, f"frame {number}", bodies)
-        return prepared if base is None else self._masked(prepared, base)
+        stage.valid = _stored_motion(done, self._good(range(1, self.skip + 1)) - 1).valid
 
     def _masked(self, frame: Prepared, base: Motion) -> Prepared:
+        """A frame with its own mask, or with that of frame 0, moved along, as it is to be a reference."""
         assert self.first is not None
         if self.masks.moving or self.first.bodies is None:
             return frame
         return dataclasses.replace(frame, bodies=carried(self.first.bodies, base, self.session.grid))
 
-    def _measured(self, number: int, frame: Prepared) -> PairResult:
+    def _measured(self, place: int, frame: Prepared | BadFrame) -> PairResult:
         stage = self.stage
         assert stage is not None
-        step = self._step(stage, number, frame)
+        step = self._step(stage, place, frame)
+        if isinstance(frame, BadFrame) or passed_over(step.flag):
+            return step if self.update is None else self._joined(stage, step, None)
         before = self._before
         if (
             self.update == "lost"
             and before is not None
-            and before[0] > stage.number
+            and before[0] > stage.place
             and self._lost(stage, step)
         ):
             at, prepared, motion = before
             self.stage = stage = Stage(at, self._masked(prepared, motion), motion)
-            step = self._step(stage, number, frame)
+            step = self._step(stage, place, frame)
         stage.valid = step.motion.valid if stage.valid is None else stage.valid
         stage.start = Start.from_six(step.six, step.flag, step.body)
-        result = step
-        if self.update is not None:
-            result = self._joined(stage, step, frame)
-            self._before = (number, frame, result.motion)
-            if self.update != "lost" and number - stage.number >= self.update:
-                self.stage = Stage(number, self._masked(frame, result.motion), result.motion)
+        if self.update is None:
+            return step
+        result = self._joined(stage, step, frame)
+        self._before = (place, frame, result.motion)
+        if self.update != "lost" and place % self.update == 0:
+            self.stage = Stage(place, self._masked(frame, result.motion), result.motion)
         return result
 
     def _lost(self, stage: Stage, step: PairResult) -> bool:
@@ -202,34 +236,83 @@ class Follower:
         asked = stage.valid & ~leaves(places, grid, shape, "first", self.session.settings.window / 2)
         return bool(step.motion.valid[asked].mean() < LOST) if asked.any() else False
 
-    def _step(self, stage: Stage, number: int, frame: Prepared) -> PairResult:
-        return self.session.measure_pair(stage.frame, frame, (stage.number, number), stage.start)
+    def _step(self, stage: Stage, place: int, frame: Prepared | BadFrame) -> PairResult:
+        numbers = self.recording.number(stage.place), self.recording.number(place)
+        return self.session.measure_if_usable((stage.frame, frame), numbers, stage.frame.bodies, stage.start)
 
-    def _joined(self, stage: Stage, step: PairResult, frame: Prepared) -> PairResult:
-        """The result from frame 0, of one from the stage's frame."""
+    def _joined(self, stage: Stage, step: PairResult, frame: Prepared | None) -> PairResult:
+        """The result from frame 0, of one from the stage's frame; without a frame, of a pair that was passed over."""
         assert self.first is not None
         assert self.session.shape is not None
-        motion = step.motion
-        if stage.base is not None:
+        motion, parts = step.motion, [self.first, stage.frame]
+        if frame is not None:
+            parts.append(frame)
+        if stage.base is not None and frame is None:
+            masked = np.uint16(FLAGS["masked"])
+            flag = (step.flag & ~masked) | (stage.base.flag & masked)
+            motion = dataclasses.replace(motion, flag=flag, body=stage.base.body)
+        elif stage.base is not None:
             named = not self.masks.moving or (self.first.bodies is not None and self.first.bodies.named)
             motion = joined(stage.base, motion, self.session.grid, self.session.shape, named=named)
-        parts = (self.first, stage.frame, frame)
         digest = hashlib.sha256(b"".join(part.digest for part in parts) + self.first.mask_content)
         return dataclasses.replace(
             step, six=motion.six, covariance=motion.covariance, moved_covariance=motion.moved_covariance,
             flag=motion.flag, residual=motion.residual, noise=motion.noise, body=motion.body,
-            numbers=(0, step.numbers[1]), measured_from=stage.number,
-            digest=digest.hexdigest()[:16] if stage.number else step.digest,
+            numbers=(self.recording.number(0), step.numbers[1]),
+            measured_from=self.recording.number(stage.place),
+            digest=digest.hexdigest()[:16] if stage.place else step.digest,
         )  # fmt: skip
 
 
-def _stage_after(update: Update, done: xr.Dataset | None, skip: int) -> int:
-    """Number of the reference frame with which measuring goes on after so many pairs; 0 without what was done."""
-    if done is None or skip == 0 or update is None:
-        return 0
-    if update == "lost":
-        return int(done["measured_from"].values[skip - 1])
-    return skip // update * update
+def consecutive(
+    session: Session, recording: Recording, masks: Masks, skip: int
+) -> Iterator[tuple[tuple[int, int], PairResult]]:
+    """Yield the motion of each consecutive or double pair, and the places of its frames; the first `skip` are left out.
+
+    Raises
+    ------
+    BadFrameError
+        If not a single frame can be used.
+    """
+    schedule = recording.schedule
+    held: dict[int, tuple[Prepared | BadFrame, Bodies | None]] = {}
+    waiting: list[int] = []  # frames that end pairs before the first good one, which gives the grid
+    for place, raw in enumerate(recording.frames()):
+        bodies, first = masks.at(place), schedule.first(place)
+        wanted = place > schedule.end(skip) if first is not None else False
+        # a frame that is in no wanted pair is read but not prepared; the first good one gives the grey constant
+        if session.shape is None or wanted or schedule.begins(place, skip):
+            held[place] = session.attempt(raw, recording.name(place), bodies), bodies
+        if wanted:
+            waiting.append(place)
+        if session.shape is not None:
+            for end in waiting:
+                yield _pair(session, recording, held, end)
+            waiting.clear()
+            held = {k: frame for k, frame in held.items() if k > place - schedule.lag}
+    if waiting:
+        bad = held[waiting[0]][0]
+        assert isinstance(bad, BadFrame)
+        raise BadFrameError(f"no frame of the recording can be used; {bad.error}") from bad.error
+
+
+def _pair(
+    session: Session,
+    recording: Recording,
+    held: dict[int, tuple[Prepared | BadFrame, Bodies | None]],
+    place: int,
+) -> tuple[tuple[int, int], PairResult]:
+    """Measure the pair that a frame ends."""
+    first = recording.schedule.first(place)
+    assert first is not None
+    (reference, bodies), (moved, _) = held[first], held[place]
+    numbers = recording.number(first), recording.number(place)
+    return (first, place), session.measure_if_usable((reference, moved), numbers, bodies)
+
+
+def passed_over(flag: NDArray[Any]) -> bool:
+    """Whether a pair was not measured, since one of its frames is bad or a copy."""
+    return bool(((flag.astype(np.int64) & (FLAGS["bad_frame"] | FLAGS["repeated"])) != 0).all())
 
 
 def _stored_motion(done: xr.Dataset, time: int) -> Motion:
@@ -246,22 +329,22 @@ def _stored_motion(done: xr.Dataset, time: int) -> Motion:
 
 def follow(
     session: Session,
-    frames: Iterable[ArrayLike],
+    recording: Recording,
     masks: Masks,
     update: Update,
     skip: int = 0,
     done: xr.Dataset | None = None,
-) -> Iterator[PairResult | None]:
-    """Yield, for each frame, the motion from frame 0 to it; None for frame 0 and what was done before.
+) -> Iterator[tuple[tuple[int, int], PairResult]]:
+    """Yield the motion from frame 0 to each later one, and the places of the two frames.
 
     Parameters
     ----------
     session : Session
-    frames : iterable of arrays
+    recording : Recording
     masks : Masks
     update : int, "lost" or None
     skip : int
-        Number of pairs that were done before.
+        Number of pairs that were done before; they are left out.
     done : Dataset, optional
         Those pairs. Without them, they are measured again.
     """
@@ -269,7 +352,9 @@ def follow(
         raise InputError(
             f"done holds {done.sizes.get('time', 0)} pairs, but skip={skip}: give all that are left out"
         )
-    follower = Follower(session, masks, update, done, skip)
-    for number, raw in enumerate(frames):
-        bodies = masks.at(number) if masks.moving or number == 0 else None
-        yield follower.take(number, raw, bodies) if follower.needs(number) else None
+    follower = Follower(session, recording, masks, update, done, skip)
+    for place, raw in enumerate(recording.frames()):
+        bodies = masks.at(place) if masks.moving or place == 0 else None
+        result = follower.take(place, raw, bodies) if follower.needs(place) else None
+        if result is not None:
+            yield (0, place), result

@@ -8,7 +8,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,15 +20,15 @@ from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.defects import without_defects
 from sixflow.engine.lowpass import lowpass_noise
 from sixflow.engine.threads import beside
-from sixflow.errors import InputError
-from sixflow.field.dataset import FAILING, build_field
-from sixflow.field.flags import FLAGS
+from sixflow.errors import BadFrameError, InputError, SixflowError
+from sixflow.field.flags import FAILING, FLAGS
+from sixflow.frames.bad import BadFrame
 from sixflow.grid import Grid
 from sixflow.interlacing import InterlacingCheck
 from sixflow.lighting import Change
 from sixflow.masks import Bodies
-from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
-from sixflow.pair import PairResult, Prepared
+from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, require_contrast, to_image
+from sixflow.pair import PairResult, Prepared, field_of_pair, same_content
 from sixflow.pieces import Found, Part, Start, room_to_move, share_failed, with_margin
 from sixflow.placing import masked_points, placed
 from sixflow.region_light import RegionLight
@@ -39,7 +38,8 @@ from sixflow.restriction import ABSENT
 from sixflow.search.guess import Guess, maps_of_guess
 from sixflow.search.pyramid import pyramid
 from sixflow.settings import Settings
-from sixflow.version import __version__
+from sixflow.times import PairTimes
+from sixflow.unmeasured import unmeasured
 from sixflow.workspace import Workspace
 
 FAILED = 0.5  # share of a body's points that have to fail near where it was, before it is sought in the whole frame
@@ -57,11 +57,20 @@ class Session:
         Whether the mask of a moved frame counts: there is one for each frame.
     guess : optional
         A first guess of the motion of every pair, as `search` takes it.
+    strict : bool
+        Raise at a frame of a recording that cannot be used, instead of flagging its pairs.
     """
 
-    def __init__(self, settings: Settings, *, masks_move: bool = False, guess: Guess | None = None) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        *,
+        masks_move: bool = False,
+        guess: Guess | None = None,
+        strict: bool = False,
+    ) -> None:
         self.asked = self.settings = settings
-        self.masks_move, self.guess = masks_move, guess
+        self.masks_move, self.guess, self.strict = masks_move, guess, strict
         self.dtype = np.float64 if settings.float64 else np.float32
         self.workspace = Workspace()
         self.shape: tuple[int, int] | None = None
@@ -82,12 +91,20 @@ class Session:
             Of its mask, if there is one.
         lasting : bool
             The raw frame stays as it is until the pair is measured; a source may write the next one over it.
+
+        Raises
+        ------
+        BadFrameError
+            If others may do, but not this one: it is constant, has no value, or another shape than the first.
+        InputError
+            If no frame like this one can be measured so.
         """
         array = check_frame(raw, name)
+        require_contrast(array, name)  # before it sets grid and grey constant for all others
         if self.shape is None:
             self._begin(array, name)
         if array.shape != self.shape:
-            raise InputError(
+            raise BadFrameError(
                 f"{name} has shape {array.shape}, the first frame {self.shape}: "
                 "all frames must have one shape; crop or resample them"
             )
@@ -98,13 +115,8 @@ class Session:
         digest = beside(lambda: hashlib.sha256(np.ascontiguousarray(array).data).digest())
         image, valid, missing = to_image(array, self.constant, self.dtype, self.scale)
         if missing == array.size:
-            raise InputError(
-                f"{name} has no finite pixel: all {array.size} are NaN or infinite; check how it was read"
-            )
-        kept = image[valid.astype(bool)] if valid.size else image
-        if kept.max() == kept.min():
-            raise InputError(
-                f"{name} is constant ({array.flat[0]}): there is no texture to follow; check the frame or its exposure"
+            raise BadFrameError(
+                f"{name} has no pixel of a size that can be computed with; scale its grey values"
             )
         notes = self.interlacing.notes(image, name)
         notes += (
@@ -121,6 +133,64 @@ class Session:
         if not lasting:
             digest.result()
         return Prepared(Frame(image, valid), digest, mean, spread, notes, bodies, unlit)
+
+    def attempt(
+        self, raw: ArrayLike | BadFrame, name: str, bodies: Bodies | None = None
+    ) -> Prepared | BadFrame:
+        """Check and normalise one frame of a recording; a `BadFrame` if it cannot be used, unless `strict`."""
+        try:
+            if isinstance(raw, BadFrame):
+                raise raw.error
+            return self.prepare(raw, name, bodies)
+        except SixflowError as error:
+            if self.strict or not (isinstance(raw, BadFrame) or isinstance(error, BadFrameError)):
+                raise
+            return BadFrame(name, error)
+
+    def measure_if_usable(
+        self,
+        frames: tuple[Prepared | BadFrame, Prepared | BadFrame],
+        numbers: tuple[int, int],
+        bodies: Bodies | None,
+        start: Start | None = None,
+    ) -> PairResult:
+        """Measure a pair of a recording; where a frame of it cannot be used, all its points are flagged.
+
+        Parameters
+        ----------
+        frames : (Prepared or BadFrame, Prepared or BadFrame)
+        numbers : (int, int)
+            Of the two frames.
+        bodies : Bodies or None
+            Of the first frame's mask.
+        start : Start, optional
+            As for `measure_pair`.
+        """
+        reference, moved = frames
+        bad = next((frame for frame in frames if isinstance(frame, BadFrame)), None)
+        try:
+            if isinstance(reference, BadFrame) or isinstance(moved, BadFrame):
+                assert bad is not None
+                raise bad.error
+            return self.measure_pair(reference, moved, numbers, start)
+        except SixflowError as error:
+            if self.strict or not (bad is not None or isinstance(error, BadFrameError)):
+                raise
+            note = f"frames {numbers[0]} and {numbers[1]} were not measured: {error}"
+            return self._unmeasured(frames, bodies, numbers, "bad_frame", note)
+
+    def _unmeasured(
+        self,
+        frames: tuple[Prepared | BadFrame, Prepared | BadFrame],
+        bodies: Bodies | None,
+        numbers: tuple[int, int],
+        flag: str,
+        note: str,
+    ) -> PairResult:
+        return unmeasured(
+            frames, bodies, numbers, flag, note,
+            grid=self.grid, dtype=self.dtype, settings=self.asked, masks_move=self.masks_move,
+        )  # fmt: skip
 
     def _begin(self, first: NDArray[Any], name: str) -> None:
         """Take shape, grid and the grey constant from the first frame."""
@@ -154,6 +224,11 @@ class Session:
         start : Start, optional
             What is known of the motion. The search is left out where refining it succeeds.
         """
+        if same_content(reference, moved):
+            note = f"frames {numbers[0]} and {numbers[1]} are the same to the last bit: a copy, and no measurement of no motion"
+            if self.strict:
+                raise BadFrameError(f"{note}; leave one of them out")
+            return self._unmeasured((reference, moved), reference.bodies, numbers, "repeated", note)
         change, dead, blank = Change.between(reference, moved), 0, (0, 0)
         settings = change.settings(self.asked)
         if settings.robust:
@@ -338,14 +413,14 @@ class Session:
             if bodies.clear is not None:
                 region = region.within(both_valid(asked.valid, bodies.clear[part]))
             if number is None and not region.valid.any():
-                raise InputError(
+                raise BadFrameError(
                     "mask is True only where frame 0 has no value (NaN or infinite): nothing is left to measure"
                 )
         if self.masks_move and moved.bodies is not None:
             own = moved.bodies.of_number(self._partner(reference, moved, number), part)
             other = other.within(both_valid(own, other.valid))
             if number is None and not other.valid.any():
-                raise InputError(
+                raise BadFrameError(
                     "mask of the second frame is True only where that has no value (NaN or infinite): "
                     "nothing is left to measure"
                 )
@@ -379,50 +454,21 @@ class Session:
         )
 
     def field(
-        self,
-        result: PairResult,
-        time: Sequence[float],
-        unit: str,
-        meaning: str = "time of the reference frame",
+        self, result: PairResult, times: PairTimes, names: NDArray[Any] | None = None, **attrs: Any
     ) -> xr.Dataset:
-        """Return the dataset of one pair."""
-        settings = self.asked
+        """Return the dataset of one pair.
+
+        Parameters
+        ----------
+        result : PairResult
+        times : PairTimes
+        names : array of str, shape (2,), optional
+            Of the files of the two frames.
+        **attrs
+            Further attributes.
+        """
         assert self.shape is not None
-        resolutions = result.resolution[np.isfinite(result.resolution)]
-        attrs = {
-            "sixflow_version": __version__,
-            "settings": settings.to_json(),
-            "input_digest": result.digest,
-            "frame_shape": list(self.shape),
-            "effective_window": result.window,
-            "attenuation_period_10": float(np.median(resolutions)) if resolutions.size else float("nan"),
-            "memory_bytes": result.memory,
-            "notes": "\n".join(result.notes),
-        }
-        field = build_field(
-            six=result.six[None],
-            covariance=result.covariance[None],
-            residual=result.residual[None],
-            noise=result.noise[None],
-            resolution=result.resolution[None],
-            flag=result.flag[None],
-            body=None if result.body is None else result.body[None],
-            x=self.grid.x,
-            y=self.grid.y,
-            time=np.asarray(time, dtype=np.float64),
-            time_unit=unit,
-            frame_numbers=[result.numbers],
-            attrs=attrs,
-        )
-        field["time"].attrs["long_name"] = meaning
-        if result.moved_covariance is None:
-            return field
-        part = field["covariance"].copy(data=result.moved_covariance[None])
-        part.attrs["long_name"] = "part of the covariance that is from the noise of the moved frame"
-        source = {"long_name": "number of the frame that the moved frame was compared with"}
-        return field.assign(moved_covariance=part).assign_coords(
-            measured_from=("time", np.array([result.measured_from], dtype=np.int64), source)
-        )
+        return field_of_pair(result, times, names, self.grid, self.shape, self.asked).assign_attrs(attrs)
 
 
 def _sample(image: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:

@@ -60,7 +60,7 @@ class SixflowAccessor:
 
     @property
     def lie_algebra_element(self) -> xr.DataArray:
-        """The six numbers of the steady flow that makes the motion in one frame interval, dims (..., param).
+        """The six numbers of the steady flow that makes the motion of a pair in the time it took, dims (..., param).
 
         The logarithm of the affine map, with its translation, about the grid point. NaN where the map has no
         real logarithm: it folds, or turns by half a turn.
@@ -193,17 +193,17 @@ class SixflowAccessor:
 
     @property
     def vorticity(self) -> xr.DataArray:
-        """Curl of log(I + G) over the frame interval, 1/s (1/frame while the interval is unknown)."""
+        """Curl of log(I + G) over the interval of the pair, 1/s (1/frame while the times are unknown)."""
         return derive(self._field, "vorticity")
 
     @property
     def divergence_rate(self) -> xr.DataArray:
-        """Divergence of log(I + G) over the frame interval, 1/s (1/frame while the interval is unknown)."""
+        """Divergence of log(I + G) over the interval of the pair, 1/s (1/frame while the times are unknown)."""
         return derive(self._field, "divergence_rate")
 
     @property
     def strain_rate(self) -> xr.DataArray:
-        """Symmetric part of log(I + G) over the frame interval, dims (..., i, j), 1/s (or 1/frame)."""
+        """Symmetric part of log(I + G) over the interval of the pair, dims (..., i, j), 1/s (or 1/frame)."""
         return derive(self._field, "strain_rate")
 
     # Errors
@@ -314,12 +314,13 @@ class SixflowAccessor:
         length_unit : str, optional
             Such as "mm" (the default of the settings).
         frame_interval : float, optional
-            Time between the two frames of a pair, s, greater than 0.
+            Time between successive frames of the recording, s, greater than 0: a pair of frames k apart gets k times
+            that as its `interval`. With pairs="double", the time between the two frames of a pair.
 
         Raises
         ------
         InputError
-            If a value cannot be used.
+            If a value cannot be used, or `frame_interval` contradicts the times that the frames have.
         """
         return calibration.calibrate(
             self._field, pixel_size=pixel_size, length_unit=length_unit, frame_interval=frame_interval
@@ -351,12 +352,12 @@ class SixflowAccessor:
         Raises
         ------
         InputError
-            If the calibration is neither given nor known.
+            If the calibration is neither given nor known, or cannot be used (`calibrate`).
         """
-        known = calibration.Calibration.of(
+        field = calibration.calibrate(
             self._field, pixel_size=pixel_size, length_unit=length_unit, frame_interval=frame_interval
         )
-        return to_physical(self._field, known, y_up=y_up)
+        return to_physical(field, calibration.Calibration.of(field), y_up=y_up)
 
     # In words
 

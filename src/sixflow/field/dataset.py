@@ -12,7 +12,10 @@
 | body | time, y, x | – | number of the body in the mask, 0 where masked; where there are several, or moving masks |
 | moved_covariance | as covariance | as covariance | the part from the moved frame's noise; where motions are joined |
 | measured_from | time | – | number of the frame compared with; where motions are joined |
-| frame0, frame1 | time | – | numbers of the reference and the moved frame |
+| frame0, frame1 | time | – | numbers of the reference and the moved frame in the whole recording |
+| name0, name1 | time | – | names of their files, where they come from several |
+| time0, time1 | time | s or frame | times of the two frames |
+| interval | time | s or frame | time between the two frames; NaN if unknown (`field.interval`) |
 
 A point whose flag contains one of `FAILING` is NaN in every measured variable, unless it is `replaced`. Grid points
 lie on whole pixels.
@@ -42,6 +45,9 @@ _LONG_NAMES = {
     "noise": ("standard deviation of one frame's noise", "grey"),
     "resolution": ("period of a sine displacement that is attenuated by 10 %", "px"),
 }
+
+OF_PAIRS = ("time", "time0", "time1", "interval", "frame0", "frame1", "name0", "name1", "measured_from")
+"""Coordinates along time."""
 
 Array: TypeAlias = NDArray[Any]
 

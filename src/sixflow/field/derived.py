@@ -5,18 +5,19 @@ Each is a chain of functions of `sixflow.convention`, applied to the six of ever
 | names | chain | unit |
 |---|---|---|
 | displacement_gradient | gradient | 1 |
-| lie_algebra_element | log_six | px, px, 1 … per frame |
+| lie_algebra_element | log_six | px, px, 1 … |
 | green_lagrange, almansi, hencky, biot, small_strain | gradient → measure | 1 |
 | …_principal_values, …_principal_angle, …_max_shear of each | → principal | 1, rad |
 | rotation_angle, small_rotation, area_ratio | gradient → measure | rad, 1 |
-| divergence_rate, vorticity, stretch_rate, shear_rate | one number of log_six, / frame interval | 1/s |
-| strain_rate | log_six → gradient → small_strain, / frame interval | 1/s |
+| divergence_rate, vorticity, stretch_rate, shear_rate | one number of log_six, / interval of the pair | 1/s |
+| strain_rate | log_six → gradient → small_strain, / interval of the pair | 1/s |
 
 The finite ones (all but displacement_gradient, small_strain and small_rotation, which are of the gradient as it
 stands) are functions of the deformation of frame 1 relative to frame 0. Where the points of the field lie in the
 middle or in frame 1, the six are told for frame 0 first (`convention.change_reference`).
 
-A rate is per frame ("1/frame") as long as the frame interval is unknown. A quantity that does not exist at a
+A rate is divided by the time between the two frames of its own pair (`interval`); it is per frame ("1/frame") as long as
+that is unknown. A quantity that does not exist at a
 point, such as the logarithm of a map that folds, is NaN there.
 """
 
@@ -32,8 +33,8 @@ from numpy.typing import NDArray
 
 from sixflow import convention
 from sixflow.errors import InputError
-from sixflow.field.calibration import known_interval
 from sixflow.field.dataset import SIX
+from sixflow.field.interval import elapsed
 from sixflow.field.selection import reference_of, require_variable
 
 Array = NDArray[Any]
@@ -64,7 +65,7 @@ class Derived:
     component : int or None
         Keep this number of the six only.
     rate : bool
-        Divide by the frame interval.
+        Divide by the interval of the pair.
     signed : bool
         False if it is never negative.
     finite : bool
@@ -86,7 +87,7 @@ def _table() -> dict[str, Derived]:
     tensor = ("i", "j")
     table = {
         "displacement_gradient": Derived((gradient,), tensor, "1", "displacement gradient G", finite=False),
-        "lie_algebra_element": Derived((log,), ("param",), "px or 1, per frame", "the six of log(I + G)"),
+        "lie_algebra_element": Derived((log,), ("param",), "px or 1", "the six of log(I + G)"),
         "green_lagrange": Derived(
             (gradient, convention.green_lagrange), tensor, "1", "Green-Lagrange tensor"
         ),
@@ -145,7 +146,7 @@ def six(field: xr.Dataset) -> xr.DataArray:
     return stacked.assign_attrs(long_name="the six numbers of the motion", units="px, px, 1, 1, 1, 1")
 
 
-def derive(field: xr.Dataset, name: str, interval: float | None = None) -> xr.DataArray:
+def derive(field: xr.Dataset, name: str) -> xr.DataArray:
     """Compute a derived quantity, dims (..., *its own dims); NaN where it does not exist.
 
     Parameters
@@ -154,13 +155,11 @@ def derive(field: xr.Dataset, name: str, interval: float | None = None) -> xr.Da
         With the six numbers.
     name : str
         A key of `DERIVED`.
-    interval : float or None
-        Frame interval, s, for rates; None takes the field's own.
 
     Raises
     ------
     InputError
-        If there is no such quantity.
+        If there is no such quantity, or the field has lost the interval that a rate is divided by.
     """
     recipe = _recipe(name)
     numbers = six(field)
@@ -169,23 +168,23 @@ def derive(field: xr.Dataset, name: str, interval: float | None = None) -> xr.Da
         values = convention.change_reference(values, reference_of(field))
     for step in recipe.steps:
         values = step(values, **_options(step))
-    factor, unit = _rate(field, recipe, interval)
-    values = np.asarray(values if recipe.component is None else values[..., recipe.component]) * factor
+    values = np.asarray(values if recipe.component is None else values[..., recipe.component])
+    values, unit = _per_time(field, recipe, values, numbers.dims[:-1])
     return _wrap(numbers, values, recipe, name, recipe.long_name, unit)
 
 
-def derived_error(field: xr.Dataset, name: str, interval: float | None = None) -> xr.DataArray:
+def derived_error(field: xr.Dataset, name: str) -> xr.DataArray:
     """Compute the standard error of one of the six or of a derived quantity, to first order in the errors.
 
     Parameters
     ----------
-    field, name, interval
+    field, name
         As in `derive`; `name` may also be one of the six.
 
     Raises
     ------
     InputError
-        If there is no such quantity, or the field has no covariance.
+        As `derive`, and if the field has no covariance.
     """
     covariance = require_variable(field, "covariance").transpose(..., "param", "param2")
     if name in SIX:
@@ -210,8 +209,8 @@ def derived_error(field: xr.Dataset, name: str, interval: float | None = None) -
     size = int(np.prod(value.shape[len(leading) :]))
     matrices = np.reshape(spread, (*value.shape[: len(leading)], size, size))
     variances = np.diagonal(matrices, axis1=-2, axis2=-1).reshape(value.shape)
-    factor, unit = _rate(field, recipe, interval)
-    errors = np.sqrt(np.where(np.isfinite(value), variances, np.nan)) * factor
+    errors = np.sqrt(np.where(np.isfinite(value), variances, np.nan))
+    errors, unit = _per_time(field, recipe, errors, leading)
     return _wrap(
         numbers, errors, recipe, f"{name}_standard_error", f"standard error of {recipe.long_name}", unit
     )
@@ -236,11 +235,13 @@ def _options(step: Callable[..., Any]) -> dict[str, Any]:
     return {"invalid": "nan"} if step in _PARTIAL else {}
 
 
-def _rate(field: xr.Dataset, recipe: Derived, interval: float | None) -> tuple[float, str]:
+def _per_time(field: xr.Dataset, recipe: Derived, values: Array, dims: tuple[Any, ...]) -> tuple[Array, str]:
+    """Divide what is a rate by the interval of its pair; values over `dims` and further ones, and their unit."""
     if not recipe.rate:
-        return 1.0, recipe.unit
-    interval = known_interval(field) if interval is None else interval
-    return (1.0, "1/frame") if interval is None else (1 / interval, "1/s")
+        return values, recipe.unit
+    known = elapsed(field)
+    interval = known.over(dims)
+    return values / interval.reshape(*interval.shape, *[1] * (values.ndim - interval.ndim)), f"1/{known.unit}"
 
 
 def _wrap(

@@ -2,12 +2,12 @@
 
 | name | formula | unit |
 |---|---|---|
-| velocity_x, velocity_y | (u, v) · pixel_size / frame_interval | length/s |
-| divergence_rate, vorticity, stretch_rate, shear_rate | last four of log(I + G) / frame_interval | 1/s |
+| velocity_x, velocity_y | (u, v) · pixel_size / interval | length/s |
+| divergence_rate, vorticity, stretch_rate, shear_rate | last four of log(I + G) / interval | 1/s |
 
-The velocities are means over the frame interval, as everywhere in velocimetry. The rates are those of the
-steady flow that makes the displacement gradient in one interval: a rotating body has its true angular
-velocity, half the vorticity, however far it turns between two frames.
+The interval is the pair's own, from the first of its frames to the second. The velocities are means over it, as
+everywhere in velocimetry. The rates are those of the steady flow that makes the displacement gradient in this time: a
+rotating body has its true angular velocity, half the vorticity, however far it turns between two frames.
 """
 
 from __future__ import annotations
@@ -40,22 +40,23 @@ def to_physical(field: xr.Dataset, calibration: Calibration, *, y_up: bool = Fal
     field : Dataset
         As measured, in px.
     calibration : Calibration
-        What a pixel and a frame interval are worth.
+        What a pixel and the pairs' intervals are worth.
     y_up : bool
         Let y grow upwards: the y coordinates and the signs of v, curl and shear are turned, the order of the
         rows is kept.
     """
-    size, unit, interval = calibration.pixel_size, calibration.length_unit, calibration.frame_interval
+    size, unit = calibration.pixel_size, calibration.length_unit
     if y_up:
         field = turn_up(field)
     variables: dict[str, Any] = {}
     for name, physical in PHYSICAL_NAMES.items():
         for error in (False, True) if "covariance" in field else (False,):
             if name in ("u", "v"):
-                data = (derived_error(field, name) if error else field[name]) * (size / interval)
+                data = derived_error(field, name) if error else field[name]
+                data = data.copy(data=data.values * (size / calibration.interval.over(data.dims)))
                 data = data.assign_attrs(long_name=f"velocity along {physical[-1]}", units=f"{unit}/s")
             else:
-                data = (derived_error if error else derive)(field, physical, interval)
+                data = (derived_error if error else derive)(field, physical)
             if error:
                 data = data.assign_attrs(long_name=f"standard error of {physical}")
             variables[physical + "_standard_error" * error] = data.drop_vars(

@@ -6,16 +6,19 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from sixflow.field.interval import VARIES
+
 
 def said_of_pairs(attrs: Mapping[str, Any]) -> dict[str, str]:
-    """Return the attributes that differ from pair to pair: the digest of the frames, and notes."""
-    return {name: str(attrs[name]) for name in ("input_digest", "notes") if name in attrs}
+    """Return the attributes that differ from pair to pair: the digest of the frames, notes, and the interval."""
+    return {name: str(attrs[name]) for name in ("input_digest", "notes", "interval") if name in attrs}
 
 
 def joined_attrs(said: Sequence[Mapping[str, str]]) -> dict[str, str]:
     r"""Return the attributes of a recording from those of its fields, in their order.
 
-    The digest of several fields is the beginning of the SHA-256 of their digests; each note is kept once.
+    The digest of several fields is the beginning of the SHA-256 of their digests; each note is kept once; the interval is
+    told if it is the same for all.
 
     Examples
     --------
@@ -31,4 +34,7 @@ def joined_attrs(said: Sequence[Mapping[str, str]]) -> dict[str, str]:
         joined["notes"] = "\n".join(
             dict.fromkeys(note for one in said for note in one.get("notes", "").splitlines())
         )
+    intervals = {one["interval"] for one in said if "interval" in one}
+    if intervals:
+        joined["interval"] = intervals.pop() if len(intervals) == 1 else VARIES
     return joined

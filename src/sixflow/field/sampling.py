@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from sixflow.convention import gradient, recentre, six_from_gradient
 from sixflow.engine.hermite import HermiteSurface, Stencil, make_stencil
 from sixflow.errors import InputError
-from sixflow.field.dataset import SIX
+from sixflow.field.dataset import OF_PAIRS, SIX
 from sixflow.field.selection import frame_shape, one_pair, require_variable
 
 Array = NDArray[Any]
@@ -51,7 +51,7 @@ def dense(field: xr.Dataset) -> xr.Dataset:
     return xr.Dataset(
         {name: (dims, result[k], field[name].attrs) for k, name in enumerate(SIX)},
         {"y": ("y", y, field["y"].attrs), "x": ("x", x, field["x"].attrs)}
-        | {name: field[name] for name in ("time", "frame0", "frame1") if name in field.coords},
+        | {name: field[name] for name in OF_PAIRS if name in field.coords},
         {key: value for key, value in field.attrs.items() if key != "title"}
         | {"title": "six-parameter optical flow field, interpolated at every pixel"},
     )
@@ -81,7 +81,7 @@ def sample(field: xr.Dataset, x: ArrayLike, y: ArrayLike, time: int = 0) -> xr.D
     return xr.Dataset(
         variables,
         {"x": (dims, x.reshape(shape), pair["x"].attrs), "y": (dims, y.reshape(shape), pair["y"].attrs)}
-        | {name: pair[name] for name in ("time", "frame0", "frame1") if name in pair.coords},
+        | {name: pair[name] for name in OF_PAIRS if name in pair.coords},
     )
 
 

@@ -91,6 +91,11 @@ class FrameSource(abc.ABC):
     def _origin(self) -> str:
         """Return where the frames come from, in a few words."""
 
+    @property
+    def origin(self) -> str:
+        """Where the frames come from, in a few words."""
+        return self._origin()
+
     def _own_notes(self) -> tuple[str, ...]:
         """Notes on the recording, and on frames as they are read."""
         return ()

@@ -117,15 +117,23 @@ def label(name: str) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Clock:
-    """Frame intervals as units of time, or seconds where the interval is known.
+    """From the time between the two frames of a pair to seconds, or to frame intervals where no times are known.
 
     Attributes
     ----------
     interval : float or None
-        Of the two frames, s.
+        Time between the two frames, s.
+    frames : float
+        The same in frame intervals of the recording, where no times are known.
     """
 
     interval: float | None = None
+    frames: float = 1.0
+
+    @property
+    def span(self) -> float:
+        """Time between the two frames, in `unit`."""
+        return self.frames if self.interval is None else self.interval
 
     @property
     def unit(self) -> str:
@@ -133,14 +141,12 @@ class Clock:
         return "frame" if self.interval is None else "s"
 
     def time(self, value: float, error: float) -> Estimate:
-        """A time, given in frame intervals."""
-        scale = 1.0 if self.interval is None else self.interval
-        return Estimate(value * scale, error * scale, self.unit)
+        """A time, given in intervals of the pair."""
+        return Estimate(value * self.span, error * self.span, self.unit)
 
     def rate(self, value: float, error: float, quantity: str = "1") -> Estimate:
-        """A quantity per frame interval."""
-        scale = 1.0 if self.interval is None else 1 / self.interval
-        return Estimate(value * scale, error * scale, f"{quantity}/{self.unit}")
+        """A quantity per interval of the pair."""
+        return Estimate(value / self.span, error / self.span, f"{quantity}/{self.unit}")
 
 
 def distinct(value: float, error: float) -> bool:

@@ -14,9 +14,9 @@ from sixflow.engine.spline import DEGREE, gradient_noise
 from sixflow.engine.warp import DERIVATIVE
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
-from sixflow.field.calibration import known_interval
 from sixflow.field.dataset import FLAGS, SIX
 from sixflow.field.derived import on_first_frame
+from sixflow.field.interval import elapsed
 from sixflow.field.selection import (
     frame_shape,
     one_pair,
@@ -53,7 +53,9 @@ class Points:
     region : (float, float, float, float)
         x0, y0, x1, y1, px.
     interval : float or None
-        Time between the two frames, s.
+        Time between the two frames, s; None if no times are known.
+    frames : float
+        The same in frame intervals of the recording, where no times are known; 1 otherwise.
     tally : str
         How many there are and why the others are not used, in words.
     """
@@ -68,6 +70,7 @@ class Points:
     gradient_noise: float
     region: Region
     interval: float | None
+    frames: float
     tally: str
 
     @property
@@ -100,6 +103,8 @@ def select_points(field: xr.Dataset, region: Any, time: int, border: bool) -> Po
         raise InputError(f"border={border!r}: must be True or False")
     covariance = require_variable(pair, "covariance").transpose("y", "x", "param", "param2")
     sigma, sharpen, noise = _window(whole)
+    passed = elapsed(pair)
+    took = float(passed.values)
     rows, columns = frame_shape(whole)
     limits = _limits(region, rows, columns)
     inside = pair.sel(x=slice(limits[0], limits[2]), y=slice(limits[1], limits[3]))
@@ -130,7 +135,8 @@ def select_points(field: xr.Dataset, region: Any, time: int, border: bool) -> Po
         sharpen,
         noise,
         limits,
-        known_interval(whole),
+        took if passed.unit == "s" else None,
+        1.0 if passed.unit == "s" else took,
         tally,
     )
 

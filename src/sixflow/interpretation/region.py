@@ -32,6 +32,8 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.errors import InputError, MeasurementError
+from sixflow.field.calibration import calibrate
+from sixflow.field.selection import require_field
 from sixflow.interpretation.correlation import Correlation, noise_share, unknowns_from_six
 from sixflow.interpretation.estimate import Clock, Estimate, Interpretation
 from sixflow.interpretation.model import plane_in_window
@@ -75,7 +77,9 @@ class RegionFit(Interpretation):
     misfit : Estimate
         1 if the region moves as assumed.
     interval : float or None
-        Time between the frames, s.
+        Time between the two frames of the pair, s; None if no times are known.
+    frames : float
+        The same in frame intervals of the recording, where no times are known; 1 otherwise.
     assumptions : tuple of str
     """
 
@@ -88,11 +92,12 @@ class RegionFit(Interpretation):
     independent_points: float
     misfit: Estimate
     interval: float | None
+    frames: float = 1.0
 
     @property
     def clock(self) -> Clock:
         """Units of time of what follows from the fit."""
-        return Clock(self.interval)
+        return Clock(self.interval, self.frames)
 
     @property
     def centre(self) -> tuple[float, float]:
@@ -147,8 +152,8 @@ def fit_region(
         Use points whose window is cut by the border of the frame or mask, too. What a cut window sees of a curved
         flow is not the same; in a strongly curved flow they mislead.
     frame_interval : float, optional
-        Time between the two frames, s, above 0; that of the field, if it is known, by default. Unknown, all times are
-        in frame intervals.
+        Time between successive frames of the recording, s, above 0, as `field.sixflow.calibrate` takes it; the times of
+        the field, if they are known, by default. Unknown, all times are in frame intervals of the recording.
 
     Returns
     -------
@@ -172,6 +177,9 @@ def fit_region(
     0.0396
     """
     require(coefficients in LEAST, "coefficients", coefficients, "must be 'eight' or 'six'")
+    if frame_interval is not None:
+        value = number("frame_interval", frame_interval, above=0, unit="s")
+        field = calibrate(require_field(field), frame_interval=value)
     points = select_points(field, region, time, border)
     least = LEAST[coefficients]
     if points.count < least:
@@ -180,9 +188,6 @@ def fit_region(
             f"coefficients needs at least {least}. Enlarge the region, measure with a smaller step or window, or add "
             "border=True"
         )
-    interval = points.interval
-    if frame_interval is not None:
-        interval = number("frame_interval", frame_interval, above=0, unit="s")
     rows, columns = np.nonzero(points.used)
     centre = float(points.x[columns].mean()), float(points.y[rows].mean())
     solution = _Solver(points, centre, 6 if coefficients == "six" else 8).solve()
@@ -194,7 +199,8 @@ def fit_region(
         points=points.count,
         independent_points=solution.independent,
         misfit=solution.misfit,
-        interval=interval,
+        interval=points.interval,
+        frames=points.frames,
     )
 
 

@@ -154,4 +154,4 @@ def scene_rotation(rotation: Any, of: Of, fit: RegionFit) -> Array:
     vector = np.array(
         triple("rotation", rotation, "(X, Y, Z) in rad per frame interval, or rad/s if that is known")
     )
-    return (vector if of == "object" else -vector) * (1.0 if fit.interval is None else fit.interval)
+    return (vector if of == "object" else -vector) * fit.clock.span

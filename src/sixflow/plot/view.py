@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from sixflow.errors import InputError
-from sixflow.field.calibration import Calibration, known_interval
+from sixflow.field.calibration import Calibration
 from sixflow.field.dataset import SIX
 from sixflow.field.derived import DERIVED, derive, derived_error
 from sixflow.field.physical import PHYSICAL_NAMES, to_physical, turn_up
@@ -52,15 +52,12 @@ class View:
         Dims (y, x), coordinates in px and y down, signs of the six as they are drawn.
     calibration : Calibration or None
         None draws in px.
-    interval : float or None
-        Frame interval, s, if known.
     y_up : bool
         The y axis of the plot points upwards.
     """
 
     pair: xr.Dataset
     calibration: Calibration | None
-    interval: float | None
     y_up: bool
 
     @classmethod
@@ -75,9 +72,8 @@ class View:
         if units not in ("px", "physical"):
             raise InputError(f"units={units!r}: must be 'px' or 'physical'")
         pair = one_pair(require_field(field), time)
-        calibration = Calibration.of(field) if units == "physical" else None
-        interval = calibration.frame_interval if calibration else known_interval(field)
-        return cls(turn_up(pair) if y_up else pair, calibration, interval, y_up)
+        calibration = Calibration.of(pair) if units == "physical" else None
+        return cls(turn_up(pair) if y_up else pair, calibration, y_up)
 
     @property
     def scale(self) -> float:
@@ -150,8 +146,8 @@ class View:
         if name in ("residual", "noise", "resolution") and name in self.pair:
             return _quantity(self.pair[name], None, signed=False)
         if name in DERIVED and not DERIVED[name].dims:
-            error = derived_error(self.pair, name, self.interval) if "covariance" in self.pair else None
-            return _quantity(derive(self.pair, name, self.interval), error, signed=DERIVED[name].signed)
+            error = derived_error(self.pair, name) if "covariance" in self.pair else None
+            return _quantity(derive(self.pair, name), error, signed=DERIVED[name].signed)
         choices = [
             *SIX,
             "residual",
