@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import joined_attrs, said_of_pairs
+from sixflow.floor import Floor
 from sixflow.masks import MaskLike, Masks
 from sixflow.pair import PairResult, Prepared
 from sixflow.search.guess import without_guess
@@ -193,7 +194,7 @@ def iterate_sequence(
     masks = Masks(mask)
     chosen, guess = without_guess(settings or Settings(), options)
     renewal = check_update(update, pairs, chosen.reference)
-    session = Session(chosen, masks_move=masks.moving, guess=guess)
+    session = Session(chosen, masks_move=masks.moving, guess=guess, floor=Floor.of(frames))
     stamps = getattr(frames, "times", None) if times is None else times
     if pairs == "consecutive":
         results = _consecutive(session, frames, masks, skip)

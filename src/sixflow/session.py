@@ -24,10 +24,11 @@ from sixflow.engine.threads import beside
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.field.flags import FLAGS
+from sixflow.floor import Floor
 from sixflow.grid import Grid
 from sixflow.lighting import Change
 from sixflow.masks import Bodies
-from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
+from sixflow.normalise import Frame, both_valid, check_frame, flattened, to_image
 from sixflow.pair import PairResult, Prepared
 from sixflow.pieces import Found, Part, Start, room_to_move, share_failed, with_margin
 from sixflow.placing import masked_points, placed
@@ -56,11 +57,20 @@ class Session:
         Whether the mask of a moved frame counts: there is one for each frame.
     guess : optional
         A first guess of the motion of every pair, as `search` takes it.
+    floor : Floor
+        What is known of the frames' errors beforehand.
     """
 
-    def __init__(self, settings: Settings, *, masks_move: bool = False, guess: Guess | None = None) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        *,
+        masks_move: bool = False,
+        guess: Guess | None = None,
+        floor: Floor = Floor(),  # noqa: B008 - it is frozen
+    ) -> None:
         self.asked = self.settings = settings
-        self.masks_move, self.guess = masks_move, guess
+        self.masks_move, self.guess, self.floor = masks_move, guess, floor
         self.dtype = np.float64 if settings.float64 else np.float32
         self.workspace = Workspace()
         self.shape: tuple[int, int] | None = None
@@ -109,13 +119,12 @@ class Session:
             image, valid if bodies is None else both_valid((bodies.labels != 0).astype(np.uint8), valid)
         )
         mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
-        unlit = None
+        frame, unlit = Frame(image, valid, floor=self.floor.under(array) * self.scale), None
         if self.settings.lighting == "local":
-            unlit = Frame(image, valid)
-            image = flatten_lighting(image, valid, self.settings.sigma)
+            frame, unlit = flattened(frame, self.settings.sigma), frame
         if not lasting:
             digest.result()
-        return Prepared(Frame(image, valid), digest, mean, spread, notes, bodies, unlit)
+        return Prepared(frame, digest, mean, spread, notes, bodies, unlit)
 
     def _begin(self, first: NDArray[Any], name: str) -> None:
         """Take shape, grid and the grey constant from the first frame."""
@@ -223,8 +232,7 @@ class Session:
         """Replace a frame as it was before its local light was divided out."""
         if prepared.unlit is None:
             return dataclasses.replace(prepared, frame=raw)
-        flat = flatten_lighting(raw.image, raw.valid, self.settings.sigma)
-        return dataclasses.replace(prepared, frame=raw.showing(flat), unlit=raw)
+        return dataclasses.replace(prepared, frame=flattened(raw, self.settings.sigma), unlit=raw)
 
     @property
     def everywhere(self) -> Part:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.errors import InputError
+from sixflow.floor import rounding_noise
 
 Array: TypeAlias = NDArray[Any]
 
@@ -60,6 +61,16 @@ def to_grey(frame: Array, name: str) -> tuple[Array, tuple[str, ...]]:
         return frame[..., 0], notes
     weights = LUMINANCE.astype(np.result_type(np.float32, frame.dtype), copy=False)
     return frame[..., :3].astype(weights.dtype) @ weights, (*notes, "colour → luminance (Rec. 709)")
+
+
+def luminance_rounding(frame: Array) -> float:
+    """Return the standard deviation that rounding of the colours leaves in their luminance; 0 for grey frames.
+
+    The three channels were rounded independently: that of one times √(0.2126² + 0.7152² + 0.0722²) = 0.75.
+    """
+    if frame.ndim != 3 or frame.shape[2] < 3 or frame.dtype.kind not in "uif":
+        return 0.0
+    return float(np.linalg.norm(LUMINANCE)) * rounding_noise(frame[..., :3])
 
 
 def _as_numbers(frame: Array, name: str) -> Array:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sixflow.errors import FrameFileError, InputError
 from sixflow.frames.bad import BadFrame
 from sixflow.frames.formats import FrameFile
-from sixflow.frames.grey import to_grey
+from sixflow.frames.grey import luminance_rounding, to_grey
 from sixflow.frames.metadata import Metadata
 from sixflow.frames.paths import FoundFiles, require_readable
 
@@ -40,6 +40,9 @@ class FrameSource(abc.ABC):
         What was done to the frames and what a user should know about them.
     fingerprint : str
         Digest of the first frame, its shape and type: tells recordings apart without reading them.
+    rounding : float
+        Standard deviation of what rounding left in the grey values where they no longer show it (luminance of
+        colours); otherwise 0.
 
     Examples
     --------
@@ -62,6 +65,7 @@ class FrameSource(abc.ABC):
         self._first_name, frame = found
         assert not isinstance(frame, BadFrame)
         grey, grey_notes = to_grey(frame, self._first_name)
+        self.rounding: float = luminance_rounding(frame)
         self.shape: tuple[int, int] = (grey.shape[0], grey.shape[1])
         self.dtype: np.dtype[Any] = grey.dtype
         content = f"{grey.dtype.str} {grey.shape}".encode() + np.ascontiguousarray(grey).tobytes()
