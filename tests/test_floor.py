@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from sixflow import measure, measure_sequence, open_frames, synth
 from sixflow.floor import Floor, rounding_noise
 from sixflow.frames import Compression, Metadata

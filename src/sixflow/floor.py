@@ -10,9 +10,9 @@ Where the residual of a window shows less, the covariance becomes that of white 
 `above_floor`); where it shows more, as with a camera's noise of half a grey value, nothing changes.
 
 Δ is read off the values themselves: the largest step that leads to all of them. A 12-bit camera in 16-bit files may
-have one of 16, and grey values that were divided by 255 one of 1/255. It is no coarser than an eighth of the range of the
-values: two-valued pictures were not rounded to two values. Floating-point values that lie on no such lattice were not
-rounded. Colour has been added up to luminance, with the weights a: its rounding is that of a channel times |a|.
+have one of 16, and grey values that were divided by 255 one of 1/255. It is no coarser than an eighth of the range of
+the values: two-valued pictures were not rounded to two values. Floating-point values that lie on no such lattice were
+not rounded. Colour has been added up to luminance, with the weights a: its rounding is that of a channel times |a|.
 """
 
 from __future__ import annotations

@@ -18,13 +18,14 @@ from numpy.typing import ArrayLike, NDArray
 from sixflow.between import Between
 from sixflow.blank import without_blanks
 from sixflow.convention import SIX_FROM_GRADIENT
+from sixflow.copies import copied_pixels
 from sixflow.defects import without_defects
 from sixflow.engine.lowpass import lowpass_noise
 from sixflow.engine.threads import beside
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, build_field
 from sixflow.field.flags import FLAGS
-from sixflow.floor import Floor
+from sixflow.floor import Floor, rounding_noise
 from sixflow.grid import Grid
 from sixflow.lighting import Change
 from sixflow.masks import Bodies
@@ -160,6 +161,7 @@ class Session:
         """
         change, dead, blank = Change.between(reference, moved), 0, (0, 0)
         settings = change.settings(self.asked)
+        reference, moved, copied = self._without_copies(reference, moved)
         if settings.robust:
             reference, moved, blank = self._without_blanks(reference, moved)
             frame, moved_frame, dead = without_defects(reference.frame, moved.frame)
@@ -211,6 +213,11 @@ class Session:
             for number, count in zip(numbers, blank, strict=True)
             if count
         )
+        if copied:
+            notes += (
+                f"frames {numbers[0]} and {numbers[1]}: {copied:.0%} of the pixels are copies that the video codec made of "
+                "the frame before; they are no evidence of motion, and are left out",
+            )
         if dead:
             notes += (f"frames {numbers[0]} and {numbers[1]}: {dead} dead or hot pixels were replaced",)
         windows = found.window[~failed] if not failed.all() else found.window
@@ -227,6 +234,17 @@ class Session:
         if not any(count):
             return reference, moved, count
         return self._with_raw(reference, first), self._with_raw(moved, second), count
+
+    def _without_copies(self, reference: Prepared, moved: Prepared) -> tuple[Prepared, Prepared, float]:
+        """The frames, with what a codec copied from one to the other, and its share of the pixels."""
+        if not self.floor.copies:
+            return reference, moved, 0.0
+        images = reference.raw.image, moved.raw.image
+        copied = copied_pixels(*images, math.sqrt(12) * rounding_noise(images[0]))
+        if not copied.any():
+            return reference, moved, 0.0
+        pair = [dataclasses.replace(one, copied=copied) for one in (reference, moved)]
+        return pair[0], pair[1], float(copied.mean())
 
     def _with_raw(self, prepared: Prepared, raw: Frame) -> Prepared:
         """Replace a frame as it was before its local light was divided out."""
@@ -274,10 +292,12 @@ class Session:
         assert reference.bodies is not None
         everything = reference.bodies.of_number(None, self.everywhere)
         frame = reference.frame.within(both_valid(everything, reference.frame.valid))
+        frame = reference.evidence(frame, self.everywhere)
         if not frame.valid.any():
             return None
         single = search_settings(settings, frame.image.shape)
-        return Start(pyramid(frame, moved.frame, self.grid, single, self.workspace))
+        other = moved.evidence(moved.frame, self.everywhere)
+        return Start(pyramid(frame, other, self.grid, single, self.workspace))
 
     def _reported(self, bodies: Bodies, number: int) -> bool:
         """Whether any grid point may lie on a body."""
@@ -352,7 +372,7 @@ class Session:
                     "mask of the second frame is True only where that has no value (NaN or infinite): "
                     "nothing is left to measure"
                 )
-        return region, asked, other
+        return reference.evidence(region, part), asked, moved.evidence(other, part)
 
     @staticmethod
     def _partner(reference: Prepared, moved: Prepared, number: int | None) -> int | None:
