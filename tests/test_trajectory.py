@@ -6,8 +6,8 @@ import pytest
 import measured
 from sixflow import InputError, iterate_sequence, measure, measure_sequence
 from sixflow.cli import main
-from sixflow.field.interval import elapsed
 from sixflow.field.flags import FAILING, FLAGS
+from sixflow.field.interval import elapsed
 from sixflow.grid import Grid
 from sixflow.masks import Bodies
 from sixflow.measurement import join_fields

@@ -76,7 +76,7 @@ def without_blanks(reference: Frame, moved: Frame) -> tuple[Frame, Frame, tuple[
 
 def _without(frame: Frame, where: NDArray[np.bool_]) -> Frame:
     valid = both_valid((~where).astype(np.uint8), frame.valid)
-    return Frame(continued(frame.image, valid), valid)
+    return frame.showing(continued(frame.image, valid)).within(valid)
 
 
 def _rims(image: NDArray[Any]) -> tuple[NDArray[Any], ...]:

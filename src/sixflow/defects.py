@@ -152,4 +152,4 @@ def without_defects(reference: Frame, moved: Frame) -> tuple[Frame, Frame, int]:
     count = places.shape[1]
     if not count:
         return reference, moved, 0
-    return Frame(images[0], reference.valid), Frame(images[1], moved.valid), count
+    return reference.showing(images[0]), moved.showing(images[1]), count

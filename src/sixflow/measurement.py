@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import joined_attrs, said_of_pairs
+from sixflow.floor import Floor
 from sixflow.frames import FrameSource, open_frames
 from sixflow.masks import MaskLike, Masks
 from sixflow.recording import Recording, Schedule
@@ -91,7 +92,8 @@ def measure(
     chosen, guess = without_guess(settings or Settings(), options)
     files = _files(frame0, frame1, chosen)
     chosen = chosen if files is None else files.settings
-    session = Session(chosen, masks_move=masks.moving, guess=guess)
+    floor = Floor() if files is None else Floor.of(files.source)
+    session = Session(chosen, masks_move=masks.moving, guess=guess, floor=floor)
     given = (frame0, frame1) if files is None else tuple(files.source)
     frames = [session.prepare(frame, f"frame{k}", masks.at(k), lasting=True) for k, frame in enumerate(given)]
     result = session.measure_pair(frames[0], frames[1], (0, 1))
@@ -260,7 +262,13 @@ def _measured(
     if not isinstance(strict, bool):
         raise InputError(f"strict={strict!r}: must be True or False")
     recording = Recording(open_frames(frames), schedule, _stamps(frames, times), asked)
-    session = Session(recording.settings, masks_move=masks.moving, guess=guess, strict=strict)
+    session = Session(
+        recording.settings,
+        masks_move=masks.moving,
+        guess=guess,
+        strict=strict,
+        floor=Floor.of(recording.source),
+    )
     if schedule.pairs in ("first", "incremental"):
         results = follow(session, recording, masks, renewal, skip, done)
     else:

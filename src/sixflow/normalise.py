@@ -9,6 +9,7 @@ window's Gaussian, are divided out.
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sixflow.engine.compiler import kernel
 from sixflow.engine.fir import downsample, filter_separable
-from sixflow.engine.lowpass import lowpass_reach, smoothed
+from sixflow.engine.lowpass import lowpass_noise, lowpass_reach, smoothed
 from sixflow.engine.spline import spline_coefficients
 from sixflow.engine.threads import over_strips
 from sixflow.engine.window import CUT
@@ -87,22 +88,26 @@ class Frame:
         1 where the pixel counts.
     reach : int
         Pixels from one that does not count over which a filter has mixed in what is not there.
+    floor : float, or float array of the same shape
+        Standard deviation of the noise that a pixel has at least (`sixflow.floor`). Halved frames, on which nothing is
+        measured, state none.
     """
 
     image: NDArray[Any]
     valid: NDArray[np.uint8]
     reach: int = 0
+    floor: float | NDArray[Any] = 0.0
     _half: Frame | None = None
     _coefficients: dict[int, NDArray[Any]] = dataclasses.field(default_factory=dict)
     _filtered: dict[float, Frame] = dataclasses.field(default_factory=dict)
 
     def within(self, valid: NDArray[np.uint8]) -> Frame:
         """Return the same image with another validity mask."""
-        return self if valid is self.valid else Frame(self.image, valid, self.reach)
+        return self if valid is self.valid else Frame(self.image, valid, self.reach, self.floor)
 
     def showing(self, image: NDArray[Any]) -> Frame:
         """Return another image with the same validity mask."""
-        return Frame(image, self.valid, self.reach)
+        return Frame(image, self.valid, self.reach, self.floor)
 
     def lowpassed(self, lowpass: float) -> Frame:
         """Return the frame after a Gaussian of `lowpass` px; the frame itself for 0."""
@@ -110,7 +115,8 @@ class Frame:
             return self
         if lowpass not in self._filtered:
             reach = self.reach + lowpass_reach(lowpass)
-            self._filtered[lowpass] = Frame(smoothed(self.image, lowpass), self.valid, reach)
+            floor = self.floor * math.sqrt(lowpass_noise(lowpass))
+            self._filtered[lowpass] = Frame(smoothed(self.image, lowpass), self.valid, reach, floor)
         return self._filtered[lowpass]
 
     def part(self, place: tuple[slice, slice]) -> Frame:
@@ -118,7 +124,8 @@ class Frame:
         if self.image[place].shape == self.image.shape:
             return self
         valid = np.ascontiguousarray(self.valid[place]) if self.valid.size else self.valid
-        return Frame(np.ascontiguousarray(self.image[place]), valid, self.reach)
+        floor = self.floor if isinstance(self.floor, float) else np.ascontiguousarray(self.floor[place])
+        return Frame(np.ascontiguousarray(self.image[place]), valid, self.reach, floor)
 
     def level(self, halvings: int) -> Frame:
         """Return the frame halved so many times; pixel (j, i) of a halved frame lies on pixel (2j, 2i)."""
@@ -285,6 +292,23 @@ def flatten_lighting(
         Weight of each pixel in mean and standard deviation. What is outside the region of interest must not show in
         the light of what is inside. Pixels near the region are normalised as well.
     """
+    centred, contrast = _local_light(image, valid, sigma, region)
+    return (centred / contrast).astype(image.dtype)
+
+
+def flattened(frame: Frame, sigma: float, region: NDArray[Any] | None = None) -> Frame:
+    """Return a frame with its local light divided out, as `flatten_lighting`; its noise is divided with it."""
+    centred, contrast = _local_light(frame.image, frame.valid, sigma, region)
+    floor: float | NDArray[Any] = 0.0
+    if np.any(frame.floor):
+        floor = np.asarray(frame.floor / contrast, frame.image.dtype)
+    return Frame((centred / contrast).astype(frame.image.dtype), frame.valid, frame.reach, floor)
+
+
+def _local_light(
+    image: NDArray[Any], valid: NDArray[np.uint8], sigma: float, region: NDArray[Any] | None
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The image less its local mean, and its local contrast, infinite where there is none."""
     reach = int(np.ceil(CUT * sigma))
     half = np.exp(-((np.arange(reach + 1) / sigma) ** 2) / 2)
     half /= half[0] + 2 * half[1:].sum()
@@ -297,7 +321,5 @@ def flatten_lighting(
     if region is not None:
         spread = np.where(covered > _COVERED, spread, 0)
     rounding = np.finfo(image.dtype).eps * float(np.abs(image).max(initial=0.0))
-    floor = max(1e-3 * float(spread.max(initial=0.0)), 64 * rounding)
-    return np.where(counted * (spread > floor), centred / np.maximum(spread, floor or 1), 0).astype(
-        image.dtype
-    )
+    least = max(1e-3 * float(spread.max(initial=0.0)), 64 * rounding)
+    return centred, np.where(counted * (spread > least), np.maximum(spread, least or 1), np.inf)

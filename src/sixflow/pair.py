@@ -64,7 +64,8 @@ class PairResult:
 class Prepared:
     """A frame that has been checked and normalised, with what is remembered of the raw one.
 
-    `unlit` is the frame before its local light was divided out.
+    `unlit` is the frame before its local light was divided out; `copied`, of a pair, is True at pixels that a codec took
+    over from one frame to the other (`sixflow.copies`).
     """
 
     frame: Frame
@@ -74,6 +75,13 @@ class Prepared:
     notes: tuple[str, ...]
     bodies: Bodies | None = None
     unlit: Frame | None = None
+    copied: NDArray[np.bool_] | None = None
+
+    def evidence(self, frame: Frame, part: tuple[slice, slice]) -> Frame:
+        """A part of this frame without the pixels that were copied."""
+        if self.copied is None:
+            return frame
+        return frame.within(both_valid((~self.copied[part]).astype(np.uint8), frame.valid))
 
     @property
     def raw(self) -> Frame:

@@ -14,6 +14,7 @@ fit, whatever U was, and noise does not grow with passes.
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ from sixflow.engine.weigh import NEGLIGIBLE, apply_weights, find_weights, weighi
 from sixflow.engine.window import moment_weights
 from sixflow.grid import Grid
 from sixflow.normalise import Frame
-from sixflow.quality import Quality, Seen, feedback_scale, shrunk_noise, six_from_unknowns
+from sixflow.quality import Quality, Seen, above_floor, feedback_scale, shrunk_noise, six_from_unknowns
 from sixflow.restriction import ABSENT, allowed, confined, joined, maps_of, projection, unknowns
 from sixflow.settings import Settings
 from sixflow.validate import MINIMUM_KEPT, MINIMUM_TEXTURE, MINIMUM_WEIGHT
@@ -84,6 +85,7 @@ class Passes:
         self.central = settings.reference == "middle"
         self.reference_valid = reference.interpolable() if self.central else reference.counted()
         self.weights = moment_weights(settings.sigma).astype(self.dtype)
+        self.floor = _mean_floor(reference, moved)
         self.by_window = settings.lighting == "gain+offset"
         self.lighting = np.empty((0, 0, 0, 0), self.dtype)
         self._update = self._last = np.zeros((6, *grid.shape))
@@ -413,8 +415,10 @@ class Passes:
             grid.rows,
             GRID_STRIP,
         )
-        left = np.nan_to_num(seen.left, nan=1.0) / lowpass_noise(lowpass)
-        sandwich *= (left * shrunk_noise(self._last))[..., None].astype(dtype)
+        sandwich *= np.nan_to_num(seen.left, nan=1.0)[..., None].astype(dtype)
+        if seen.lacking is not None:
+            sandwich += seen.lacking[..., None].astype(dtype) * self._floor_sandwich(gradient_x, gradient_y)
+        sandwich *= (shrunk_noise(self._last) / lowpass_noise(lowpass))[..., None].astype(dtype)
         if self.settings.group != "affine":
             clean = self._normal_equations()[0] - seen.noise_gradient[..., None, None] * np.eye(6)
             return self._within(clean, normal_matrices(sandwich), seen, transform)
@@ -429,6 +433,29 @@ class Passes:
         )
         return covariance
 
+    def _floor_sandwich(self, gradient_x: NDArray[Any], gradient_y: NDArray[Any]) -> NDArray[Any]:
+        """The sandwich of a residual that is white noise at the floor of both frames; shape (rows, columns, 18)."""
+        residual = np.empty_like(gradient_x)
+        residual[:] = np.sqrt(2) * self.floor
+        out = np.empty((*self.grid.shape, 18), self.dtype)
+        squared = moment_weights(self.settings.sigma, power=2).astype(self.dtype)
+        over_strips(
+            lambda start, stop: sandwich_strip(
+                gradient_x, gradient_y, residual, squared, self.grid.origin_and_step, start, stop, out
+            ),
+            self.grid.rows,
+            GRID_STRIP,
+        )
+        return out
+
+    def _floor_of_windows(self) -> float | NDArray[np.float64]:
+        """Root mean square of the floor under each window."""
+        if isinstance(self.floor, float):
+            return self.floor
+        weight, _, _, total, _ = self._statistics(self.floor**2, "statistics")
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(np.sqrt(total / weight))
+
     def _absorbed(
         self, seen: Seen, covariance: NDArray[Any], transform: NDArray[np.float64]
     ) -> NDArray[np.float64]:
@@ -442,6 +469,8 @@ class Passes:
         with np.errstate(invalid="ignore", divide="ignore"):
             taken = (normal * (back @ covariance @ back.T)).sum(axis=(-1, -2))
             absorbed = taken / (2 * seen.noise**2 * seen.weight)
+        if seen.lacking is not None:  # nothing was taken out of what is not in the residual
+            absorbed *= 1 - seen.lacking
         return np.clip(np.nan_to_num(absorbed), 0, MOST_ABSORBED)
 
     def _within(
@@ -472,7 +501,8 @@ class Passes:
             contrast = np.sqrt(np.maximum(power / weight - (mean / weight) ** 2, 0))
             residual = np.sqrt(left * square / weight) / contrast
             tail = 2 / np.pi * left * square * weight / absolute**2
-        return Seen(weight, noise, residual, left, *self._texture(noise, weight), tail)
+        noise, lacking = above_floor(noise, self._floor_of_windows())
+        return Seen(weight, noise, residual, left, *self._texture(noise, weight), tail, lacking)
 
     def _explained_power(self) -> NDArray[np.float64]:
         """What the last update took out of Σ w r²; shape (rows, columns)."""
@@ -500,6 +530,13 @@ class Passes:
             GRID_STRIP,
         )
         return noise_gradient, texture, rho
+
+
+def _mean_floor(reference: Frame, moved: Frame) -> float | NDArray[Any]:
+    """Root mean square of both frames' floors; of the reference's alone where it differs from pixel to pixel."""
+    if isinstance(reference.floor, float) and isinstance(moved.floor, float):
+        return math.hypot(reference.floor, moved.floor) / math.sqrt(2)
+    return reference.floor
 
 
 def _mean_plane(maps: NDArray[Any], grid: Grid) -> NDArray[np.float64]:

@@ -66,7 +66,8 @@ class Seen:
 
     weight with a partner; noise of one frame; zero-normalised residual; the share of Σ w r² that the
     pass's own update left; what noise adds to Σ w g_x²; texture and rho of `solve.texture_strip`; mean
-    square of the residual over that of a Gaussian of the same mean size (None: not known).
+    square of the residual over that of a Gaussian of the same mean size (None: not known); what the residual lacks of
+    the floor's noise, as a share of its power (None: nowhere anything).
     """
 
     weight: NDArray[Any]
@@ -77,6 +78,24 @@ class Seen:
     texture: NDArray[Any]
     rho: NDArray[Any]
     tail: NDArray[Any] | None = None
+    lacking: NDArray[Any] | None = None
+
+
+def above_floor(noise: NDArray[Any], floor: float | NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any] | None]:
+    """Noise that is not below its floor, and what it lacks of that, [1 − noise²/floor²]₊; None if nowhere anything.
+
+    Parameters
+    ----------
+    noise : array, shape (rows, columns)
+        Standard deviation seen in the residual of each window.
+    floor : float or array of the same shape
+        Least standard deviation; 0 where there is none.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        below = noise < floor
+        if not below.any():
+            return noise, None
+        return np.where(below, floor, noise), np.where(below, 1 - (noise / floor) ** 2, 0.0)
 
 
 def feedback_scale(rho: NDArray[Any]) -> NDArray[np.float64]:

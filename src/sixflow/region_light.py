@@ -19,7 +19,7 @@ import scipy
 from numpy.typing import NDArray
 
 from sixflow.grid import Grid
-from sixflow.normalise import Frame, flatten_lighting
+from sixflow.normalise import Frame, flattened
 from sixflow.placing import placed, surface_of
 
 
@@ -67,10 +67,10 @@ class RegionLight:
         if there is None:
             there = self._carried(-maps, share) if self.backwards else self._carried(maps, 1 - share)
         pair = [(self.first, self.inside), (self.second, there)]
-        lit = [flatten_lighting(frame.image, frame.valid, self.sigma, region) for frame, region in pair]
+        lit = [flattened(frame, self.sigma, region) for frame, region in pair]
         if self.backwards:
             lit.reverse()
-        return still.showing(lit[0]), moved.showing(lit[1])
+        return lit[0].within(still.valid), lit[1].within(moved.valid)
 
     @property
     def reversed(self) -> RegionLight:

@@ -17,17 +17,19 @@ from numpy.typing import ArrayLike, NDArray
 from sixflow.between import Between
 from sixflow.blank import without_blanks
 from sixflow.convention import SIX_FROM_GRADIENT
+from sixflow.copies import copied_pixels
 from sixflow.defects import without_defects
 from sixflow.engine.lowpass import lowpass_noise
 from sixflow.engine.threads import beside
 from sixflow.errors import BadFrameError, InputError, SixflowError
 from sixflow.field.flags import FAILING, FLAGS
+from sixflow.floor import Floor, rounding_noise
 from sixflow.frames.bad import BadFrame
 from sixflow.grid import Grid
 from sixflow.interlacing import InterlacingCheck
 from sixflow.lighting import Change
 from sixflow.masks import Bodies
-from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, require_contrast, to_image
+from sixflow.normalise import Frame, both_valid, check_frame, flattened, require_contrast, to_image
 from sixflow.pair import PairResult, Prepared, field_of_pair, same_content
 from sixflow.pieces import Found, Part, Start, room_to_move, share_failed, with_margin
 from sixflow.placing import masked_points, placed
@@ -59,6 +61,8 @@ class Session:
         A first guess of the motion of every pair, as `search` takes it.
     strict : bool
         Raise at a frame of a recording that cannot be used, instead of flagging its pairs.
+    floor : Floor
+        What is known of the frames' errors beforehand.
     """
 
     def __init__(
@@ -68,9 +72,10 @@ class Session:
         masks_move: bool = False,
         guess: Guess | None = None,
         strict: bool = False,
+        floor: Floor = Floor(),  # noqa: B008 - it is frozen
     ) -> None:
         self.asked = self.settings = settings
-        self.masks_move, self.guess, self.strict = masks_move, guess, strict
+        self.masks_move, self.guess, self.strict, self.floor = masks_move, guess, strict, floor
         self.dtype = np.float64 if settings.float64 else np.float32
         self.workspace = Workspace()
         self.shape: tuple[int, int] | None = None
@@ -126,13 +131,12 @@ class Session:
             image, valid if bodies is None else both_valid((bodies.labels != 0).astype(np.uint8), valid)
         )
         mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
-        unlit = None
+        frame, unlit = Frame(image, valid, floor=self.floor.under(array) * self.scale), None
         if self.settings.lighting == "local":
-            unlit = Frame(image, valid)
-            image = flatten_lighting(image, valid, self.settings.sigma)
+            frame, unlit = flattened(frame, self.settings.sigma), frame
         if not lasting:
             digest.result()
-        return Prepared(Frame(image, valid), digest, mean, spread, notes, bodies, unlit)
+        return Prepared(frame, digest, mean, spread, notes, bodies, unlit)
 
     def attempt(
         self, raw: ArrayLike | BadFrame, name: str, bodies: Bodies | None = None
@@ -231,6 +235,7 @@ class Session:
             return self._unmeasured((reference, moved), reference.bodies, numbers, "repeated", note)
         change, dead, blank = Change.between(reference, moved), 0, (0, 0)
         settings = change.settings(self.asked)
+        reference, moved, copied = self._without_copies(reference, moved)
         if settings.robust:
             reference, moved, blank = self._without_blanks(reference, moved)
             frame, moved_frame, dead = without_defects(reference.frame, moved.frame)
@@ -282,6 +287,11 @@ class Session:
             for number, count in zip(numbers, blank, strict=True)
             if count
         )
+        if copied:
+            notes += (
+                f"frames {numbers[0]} and {numbers[1]}: {copied:.0%} of the pixels are copies that the video codec made of "
+                "the frame before; they are no evidence of motion, and are left out",
+            )
         if dead:
             notes += (f"frames {numbers[0]} and {numbers[1]}: {dead} dead or hot pixels were replaced",)
         windows = found.window[~failed] if not failed.all() else found.window
@@ -299,12 +309,22 @@ class Session:
             return reference, moved, count
         return self._with_raw(reference, first), self._with_raw(moved, second), count
 
+    def _without_copies(self, reference: Prepared, moved: Prepared) -> tuple[Prepared, Prepared, float]:
+        """The frames, with what a codec copied from one to the other, and its share of the pixels."""
+        if not self.floor.copies:
+            return reference, moved, 0.0
+        images = reference.raw.image, moved.raw.image
+        copied = copied_pixels(*images, math.sqrt(12) * rounding_noise(images[0]))
+        if not copied.any():
+            return reference, moved, 0.0
+        pair = [dataclasses.replace(one, copied=copied) for one in (reference, moved)]
+        return pair[0], pair[1], float(copied.mean())
+
     def _with_raw(self, prepared: Prepared, raw: Frame) -> Prepared:
         """Replace a frame as it was before its local light was divided out."""
         if prepared.unlit is None:
             return dataclasses.replace(prepared, frame=raw)
-        flat = flatten_lighting(raw.image, raw.valid, self.settings.sigma)
-        return dataclasses.replace(prepared, frame=raw.showing(flat), unlit=raw)
+        return dataclasses.replace(prepared, frame=flattened(raw, self.settings.sigma), unlit=raw)
 
     @property
     def everywhere(self) -> Part:
@@ -346,10 +366,12 @@ class Session:
         assert reference.bodies is not None
         everything = reference.bodies.of_number(None, self.everywhere)
         frame = reference.frame.within(both_valid(everything, reference.frame.valid))
+        frame = reference.evidence(frame, self.everywhere)
         if not frame.valid.any():
             return None
         single = search_settings(settings, frame.image.shape)
-        return Start(pyramid(frame, moved.frame, self.grid, single, self.workspace))
+        other = moved.evidence(moved.frame, self.everywhere)
+        return Start(pyramid(frame, other, self.grid, single, self.workspace))
 
     def _reported(self, bodies: Bodies, number: int) -> bool:
         """Whether any grid point may lie on a body."""
@@ -424,7 +446,7 @@ class Session:
                     "mask of the second frame is True only where that has no value (NaN or infinite): "
                     "nothing is left to measure"
                 )
-        return region, asked, other
+        return reference.evidence(region, part), asked, moved.evidence(other, part)
 
     @staticmethod
     def _partner(reference: Prepared, moved: Prepared, number: int | None) -> int | None:

@@ -32,7 +32,7 @@ from sixflow.errors import InputError
 from sixflow.grid import Grid
 from sixflow.normalise import Frame, both_valid
 from sixflow.passes import Passes
-from sixflow.quality import Seen, feedback_scale
+from sixflow.quality import Seen, above_floor, feedback_scale
 from sixflow.restriction import inverse, maps_of, unknowns
 from sixflow.settings import Settings
 from sixflow.workspace import Workspace
@@ -103,12 +103,11 @@ class EigenfilterPasses(Passes):
         explained = np.einsum("...i,...ij,...j->...", update, self._normal, update) * array.frame_constant
         with np.errstate(invalid="ignore", divide="ignore"):
             left = np.clip(1 - explained / power, 0.01, 1)
-            variance = left * power / freedom
-            noise = np.sqrt(variance / 2)
+            noise, lacking = above_floor(np.sqrt(left * power / freedom / 2), self._floor_of_windows())
             residual = np.sqrt(left * power / contrast)
             # the mean of two frames has a quarter of the power of their difference
             share = freedom / array.freedom
-            gamma = share * variance / 4 * array.gradient_noise[[0, 3], [0, 3]].mean() / array.frame_constant
+            gamma = share * noise**2 / 2 * array.gradient_noise[[0, 3], [0, 3]].mean() / array.frame_constant
             a, b, c = (
                 self._normal[..., 0, 0] - gamma,
                 self._normal[..., 0, 3],
@@ -117,20 +116,32 @@ class EigenfilterPasses(Passes):
             weakest = (a + c) / 2 - np.sqrt((a - c) ** 2 / 4 + b**2)
             rho = 2 * gamma / (a + c)
             texture = np.where(weakest > 1e-4 * (a + c), weakest / gamma, 0.0)
-        return Seen(weight, noise, residual, left, gamma, texture, rho)
+        return Seen(weight, noise, residual, left, gamma, texture, rho, None, lacking)
 
     def _covariance(self, seen: Seen, transform: NDArray[np.float64]) -> NDArray[Any]:
         assert self._equations is not None
         array, pool, equations = self.array, self.pool, self._equations
-        meat = self._correlated(equations.design, np.sqrt(equations.power / equations.freedom))
-        meat /= array.frame_constant**2
-        on_gradient = array.gradient_noise * (equations.power / array.freedom / 4)[..., None, None]
-        clean = self._normal - pool.matrices(on_gradient) / array.frame_constant
+        power, floor = equations.power, 2 * self._floor_of_positions() ** 2
+        meat = self._correlated(equations.design, np.sqrt(power / equations.freedom))
         meat *= seen.left[..., None, None]
+        if seen.lacking is not None:
+            least = np.broadcast_to(np.sqrt(floor), power.shape)
+            meat += seen.lacking[..., None, None] * self._correlated(equations.design, least)
+            power = np.maximum(power, floor * equations.freedom)
+        meat /= array.frame_constant**2
+        on_gradient = array.gradient_noise * (power / array.freedom / 4)[..., None, None]
+        clean = self._normal - pool.matrices(on_gradient) / array.frame_constant
         if self.settings.group != "affine":
             return self._within(clean, meat, seen, transform)
         bread = feedback_scale(seen.rho)[..., None] * (transform @ inverse(clean))
         return (bread @ meat @ np.swapaxes(bread, -1, -2)).astype(self.dtype)
+
+    def _floor_of_positions(self) -> float | NDArray[Any]:
+        """The frames' least noise at each position of the lattice."""
+        if isinstance(self.floor, float):
+            return self.floor
+        lattice = self.pool.lattice
+        return np.asarray(self.floor[np.ix_(lattice.y, lattice.x)])
 
     def _correlated(self, design: NDArray[Any], noise: NDArray[np.float64]) -> Real:
         """Σ_q Σ_δ w_q w_{q+δ} s_q s_{q+δ} M(d)ᵀ D̃_q K_δ D̃_{q+δ}ᵀ M(d + δ)."""

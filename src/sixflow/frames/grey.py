@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.errors import InputError
+from sixflow.floor import rounding_noise
 
 Array: TypeAlias = NDArray[Any]
 
@@ -84,6 +85,16 @@ def _without_transparent(grey: Array, alpha: Array) -> tuple[Array, str]:
     shown[transparent] = np.nan
     said = f"alpha channel: {count} transparent pixels have no value"
     return shown, said + (";" + partial if partial else "")
+
+
+def luminance_rounding(frame: Array) -> float:
+    """Return the standard deviation that rounding of the colours leaves in their luminance; 0 for grey frames.
+
+    The three channels were rounded independently: that of one times √(0.2126² + 0.7152² + 0.0722²) = 0.75.
+    """
+    if frame.ndim != 3 or frame.shape[2] < 3 or frame.dtype.kind not in "uif":
+        return 0.0
+    return float(np.linalg.norm(LUMINANCE)) * rounding_noise(frame[..., :3])
 
 
 def _as_numbers(frame: Array, name: str) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sixflow.errors import InputError
 from sixflow.frames.bad import BadFrame
-from sixflow.frames.grey import to_grey
+from sixflow.frames.grey import luminance_rounding, to_grey
 from sixflow.frames.masked import without_mask
 from sixflow.frames.metadata import Metadata
 from sixflow.frames.notebook import Notebook
@@ -44,6 +44,9 @@ class FrameSource(abc.ABC):
         Rows and columns of every frame, px.
     dtype : numpy.dtype
         Type of the grey values. A later frame with transparent pixels, or in colour, comes as floats of the same scale.
+    rounding : float
+        Standard deviation of what rounding left in the grey values where they no longer show it (luminance of
+        colours); otherwise 0.
 
     Examples
     --------
@@ -72,6 +75,7 @@ class FrameSource(abc.ABC):
             )
         self._first_name, frame = first
         self._scale = _scale(frame)
+        self.rounding: float = luminance_rounding(frame)
         grey, notes = self._grey(*first)
         self._book.take(notes, 0, self._first_name)
         self.shape: tuple[int, int] = (grey.shape[0], grey.shape[1])
