@@ -66,9 +66,7 @@ def opened(path: Path) -> Iterator[Any]:
         If it cannot be opened.
     """
     try:
-        container = av.open(
-            str(path), mode="r", options={"max_pixels": str(_most_pixels())}, metadata_errors="replace"
-        )
+        container = av.open(str(path), mode="r", metadata_errors="replace")
     except (*_FOREIGN, LookupError, OSError) as error:
         raise FrameFileError(
             f"{path}: cannot be read as a video ({_reason(error)}); it is damaged, incomplete or of another "

@@ -176,6 +176,8 @@ def _read_header(picture: _Picture, marker: int, content: bytes) -> None:
             wide, number = content[0] >> 4, content[0] & 15
             size = 128 if wide else 64
             values = np.frombuffer(content[1 : 1 + size], ">u2" if wide else "u1")
+            if not values.all():
+                raise ValueError("a step of the quantiser is 0")
             steps = np.zeros(64)
             steps[_ZIGZAG] = values
             picture.steps[number] = steps.reshape(8, 8)
