@@ -113,8 +113,10 @@ CUT = [
     ("a.mkv", "ffv1", "gray", r"states about 8 frames \(0.32 s\), \d frames are there"),
     ("a.webm", "libvpx-vp9", "yuv420p", r"states about 8 frames"),
     ("a.avi", "rawvideo", "gray", r"states 8 frames \(0.32 s\), \d frames are there"),
-    ("a.gif", "gif", "gray", r"cut short: it states \d+ bytes or more, \d+ are there"),
-    ("a.wmv", "wmv2", "yuv420p", r"cut short: it states \d+ bytes or more, \d+ are there"),
+    ("a.gif", "gif", "gray", r"cut short: its end is missing; \d frames are there"),
+    ("a.wmv", "wmv2", "yuv420p", r"cut short: it states \d+ bytes, \d+ are there"),
+    ("a.y4m", "rawvideo", "gray", r"cut short: it states \d+ bytes, \d+ are there; \d frames are there"),
+    ("a.ts", "mpeg2video", "yuv420p", r"cut short: it states \d+ bytes, \d+ are there"),
 ]
 
 

@@ -27,8 +27,8 @@ from sixflow.frames.limits import check_size, frame_limit
 _CHECKS = "crccheck+bitstream+buffer+careful"
 
 _STRICT = {"mjpeg", "hevc"}
-"""Codecs that are to refuse what they doubt ("explode"), besides those whose log counts. The others mark the frame: some
-cameras write remarks into H.264 for which its decoder would refuse whole frames."""
+"""Codecs that are to refuse what they doubt ("explode"), besides those whose log counts. The others mark the frame:
+some cameras write remarks into H.264 for which its decoder would refuse whole frames."""
 
 _FOREIGN = (av.FFmpegError, ValueError, MemoryError, OverflowError)
 """What PyAV raises for damaged files."""

@@ -201,5 +201,10 @@ def _cut(path: Path, container: Any, stream: Any, count: int, end: Fraction, rat
         about = f"about {round(stated * rate)} frames ({float(stated):.4g} s)"
         return f"the file is cut short or damaged: it states {about}, {there}"
     if missing:
-        return f"the file is cut short: it states {missing[0]} bytes or more, {missing[1]} are there; {there}"
+        last = (
+            "its end is missing"
+            if missing[0] == missing[1] + 1
+            else "it states {} bytes, {} are there".format(*missing)
+        )
+        return f"the file is cut short: {last}; {there}"
     return ""
