@@ -182,3 +182,22 @@ def test_claims_beyond_reason(tmp_path, monkeypatch):
     monkeypatch.setenv("SIXFLOW_MAX_FRAME_MIB", "0.001")
     with pytest.raises(FrameFileError, match=r"e.png: claims a frame of 56×40 px.*SIXFLOW_MAX_FRAME_MIB"):
         open_frames(tmp_path / "e.png")
+
+
+@pytest.mark.parametrize(
+    ("name", "codec", "pixel_format"),
+    [("a.avi", "png", "rgba"), ("a.mov", "qtrle", "argb"), ("a.mkv", "ffv1", "yuva444p")],
+)
+def test_transparent_pixels_of_a_video(tmp_path, name, codec, pixel_format):
+    alpha = np.where(A > 100, 255, 0).astype(np.uint8)
+    with av.open(str(tmp_path / name), "w") as container:
+        stream = container.add_stream(codec, rate=25)
+        stream.height, stream.width, stream.pix_fmt = *A.shape, pixel_format
+        for shown in (alpha, np.full_like(alpha, 255)):
+            frame = av.VideoFrame.from_ndarray(np.dstack([A, A, A, shown]), format="rgba")
+            container.mux(stream.encode(frame.reformat(format=pixel_format)))
+        container.mux(stream.encode())
+    first, second = open_frames(tmp_path / name)
+    np.testing.assert_array_equal(np.isnan(first), alpha == 0)
+    assert np.isfinite(second).all()
+    assert np.corrcoef(second.ravel(), A.ravel())[0, 1] > 0.999
