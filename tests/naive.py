@@ -344,34 +344,31 @@ def pool(values, lattice, grid, width, length, delta=None):
 
 
 def walk_scan(bits, blocks, units, words, limits, first, last, shift):
-    """Bits (a string of 0 and 1) that the blocks of a JPEG scan use, or the exception of what is wrong.
+    """Number of bits (of a string of 0 and 1) that the blocks of a JPEG scan use, or the exception of what is wrong.
 
     `words[component][kind]` is a dictionary from code words to symbols.
     """
-    bits = iter(bits)
+    left, run, mean = list(bits[::-1]), 0, [0] * len(limits)
 
     def code(table):
         word = ""
         while word not in table:
-            word += next(bits)
+            word += left.pop()
             if len(word) > 16:
                 raise KeyError(word)
         return table[word]
 
     def number(length):
-        return int("".join(next(bits) for _ in range(length)) or "0", 2)
+        return int("".join(left.pop() for _ in range(length)) or "0", 2)
 
-    used, run, mean = len(list(bits_copy := list(bits))), 0, [0] * len(limits)
-    bits = iter(bits_copy)
     for _ in range(units):
         for component in blocks:
             place = first
             if first == 0:
                 length = code(words[component][0])
                 value = number(length)
-                mean[component] += (
-                    value if not length or value >> (length - 1) else value + 1 - 2**length
-                ) << shift
+                is_positive = not length or value >> (length - 1)
+                mean[component] += (value if is_positive else value + 1 - 2**length) << shift
                 if abs(mean[component]) > limits[component]:
                     raise OverflowError
                 place = 1
@@ -387,4 +384,4 @@ def walk_scan(bits, blocks, units, words, limits, first, last, shift):
                 number(length)
                 if place > last + 1:
                     raise IndexError
-    return used - len(list(bits))
+    return len(bits) - len(left)
