@@ -341,3 +341,47 @@ def pool(values, lattice, grid, width, length, delta=None):
             seen = M.T @ values[b, a]
             out[j, i] += w * (seen if seen.ndim == 1 else seen @ M)
     return out
+
+
+def walk_scan(bits, blocks, units, words, limits, first, last, shift):
+    """Number of bits (of a string of 0 and 1) that the blocks of a JPEG scan use, or the exception of what is wrong.
+
+    `words[component][kind]` is a dictionary from code words to symbols.
+    """
+    left, run, mean = list(bits[::-1]), 0, [0] * len(limits)
+
+    def code(table):
+        word = ""
+        while word not in table:
+            word += left.pop()
+            if len(word) > 16:
+                raise KeyError(word)
+        return table[word]
+
+    def number(length):
+        return int("".join(left.pop() for _ in range(length)) or "0", 2)
+
+    for _ in range(units):
+        for component in blocks:
+            place = first
+            if first == 0:
+                length = code(words[component][0])
+                value = number(length)
+                is_positive = not length or value >> (length - 1)
+                mean[component] += (value if is_positive else value + 1 - 2**length) << shift
+                if abs(mean[component]) > limits[component]:
+                    raise OverflowError
+                place = 1
+            if run:
+                run -= 1
+                continue
+            while place <= last:
+                skipped, length = divmod(code(words[component][1]), 16)
+                if length == 0 and skipped < 15:
+                    run = 2**skipped - 1 + number(skipped)
+                    break
+                place += skipped + 1
+                number(length)
+                if place > last + 1:
+                    raise IndexError
+    return len(bits) - len(left)

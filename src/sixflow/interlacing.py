@@ -16,7 +16,8 @@ over s and averaged over tiles, is T: 1 for frames taken at once, whatever their
 - it is three times the power at periods of 8/3 and 4 rows: blocks of 8, as JPEG makes them, have these as well;
 - the columns do not show the same: enlarged frames and regular patterns do.
 
-Rows that were doubled to fill a frame show it too, and are told with the same words.
+Rows that were doubled to fill a frame show it too, and are told with the same words. So do drawn pictures of nothing
+but jagged straight edges whose steps are two rows high.
 
 | symbol | meaning |
 |---|---|

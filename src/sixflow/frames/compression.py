@@ -7,11 +7,24 @@ from sixflow.frames.metadata import Compression
 _REMEDY = "record uncompressed, or as FFV1, PNG or TIFF, for measurements"
 
 
-def compression_note(compression: Compression) -> str:
-    """Return what a user should know of a lossy compression."""
+def compression_note(compression: Compression, *, one_of_many: bool = False) -> str:
+    """Return what a user should know of a lossy compression.
+
+    Parameters
+    ----------
+    compression : Compression
+    one_of_many : bool
+        The frame is a file of its own: leave out its own noise, so that all of them say the same.
+
+    Examples
+    --------
+    >>> compression_note(Compression("H.264", noise=1.23, copies=True)).split(";")[0]
+    'H.264 is lossy: standard errors allow for its quantisation (about 1.23 grey), not for its pattern'
+    """
     noise, codec = compression.noise, compression.codec
     if noise:
-        known = f"standard errors allow for its quantisation (about {noise:.2g} grey), not for its pattern"
+        size = "" if one_of_many else f" (about {noise:.2f} grey)"
+        known = f"standard errors allow for its quantisation{size}, not for its pattern"
     else:
         known = "how much it left out is not known, and standard errors do not allow for it"
     copied = "; blocks may be copied from frame to frame" if compression.copies else ""

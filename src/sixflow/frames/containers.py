@@ -7,8 +7,10 @@
 | Matroska, WebM | the segment |
 | ASF, WMV | the file properties |
 | GIF | its last byte, 0x3B |
+| MPEG-TS | packets of 188 or 192 bytes |
+| YUV4MPEG | frames of one size |
 
-Those that state none (MPEG streams, FLV, unfinished recordings) pass.
+Those that state none (MPEG-PS, FLV, unfinished recordings) pass.
 """
 
 from __future__ import annotations
@@ -48,7 +50,7 @@ def _ways(start: bytes) -> Callable[[BinaryIO, int], int]:
         return _of_matroska
     if start == _ASF_HEADER:
         return _of_asf
-    return _of_gif if start[:4] == b"GIF8" else lambda file, there: 0
+    return _of_gif if start[:4] == b"GIF8" else _of_frames if start[:9] == b"YUV4MPEG2" else _of_packets
 
 
 def _of_riff(file: BinaryIO, there: int) -> int:
@@ -109,6 +111,40 @@ def _of_asf(file: BinaryIO, there: int) -> int:
     head = file.read(8192)
     at = head.find(_ASF_PROPERTIES)
     return int.from_bytes(head[at + 40 : at + 48], "little") if at >= 0 else 0
+
+
+def _of_packets(file: BinaryIO, there: int) -> int:
+    file.seek(0)
+    head = file.read(4 * 192)
+    for size, start in ((188, 0), (192, 4)):
+        if len(head) >= 4 * size and all(head[start + k * size] == 0x47 for k in range(4)):
+            return -(-there // size) * size
+    return 0
+
+
+def _of_frames(file: BinaryIO, there: int) -> int:
+    file.seek(0)
+    head = file.readline(1024)
+    said = {word[:1]: word[1:].decode("latin-1") for word in head.split()[1:]}
+    colours = said.get(b"C", "420jpeg")
+    try:
+        width, height = int(said[b"W"]), int(said[b"H"])
+    except (KeyError, ValueError):
+        return 0
+    across, down = -(-width // (1 if colours[:3] == "444" else 4 if colours[:3] == "411" else 2)), height
+    if colours[:3] == "420":
+        down = -(-height // 2)
+    samples = width * height + (0 if colours.startswith("mono") else 2 * across * down)
+    if colours == "444alpha":
+        samples += width * height
+    is_deep = (colours[3:4] == "p" and colours[4:].isdigit()) or colours in (
+        "mono9",
+        "mono10",
+        "mono12",
+        "mono16",
+    )
+    frame = len(b"FRAME\n") + samples * (2 if is_deep else 1)
+    return len(head) + -(-(there - len(head)) // frame) * frame if samples > 0 else 0
 
 
 def _of_gif(file: BinaryIO, there: int) -> int:

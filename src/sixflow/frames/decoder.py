@@ -24,7 +24,11 @@ from sixflow.errors import FrameFileError
 from sixflow.frames.jpeg import damage_of_jpeg
 from sixflow.frames.limits import check_size, frame_limit
 
-_OPTIONS = {"err_detect": "crccheck+bitstream+buffer+careful+explode", "export_side_data": "venc_params"}
+_CHECKS = "crccheck+bitstream+buffer+careful"
+
+_STRICT = {"mjpeg", "hevc"}
+"""Codecs that are to refuse what they doubt ("explode"), besides those whose log counts. The others mark the frame:
+some cameras write remarks into H.264 for which its decoder would refuse whole frames."""
 
 _FOREIGN = (av.FFmpegError, ValueError, MemoryError, OverflowError)
 """What PyAV raises for damaged files."""
@@ -66,9 +70,7 @@ def opened(path: Path) -> Iterator[Any]:
         If it cannot be opened.
     """
     try:
-        container = av.open(
-            str(path), mode="r", options={"max_pixels": str(_most_pixels())}, metadata_errors="replace"
-        )
+        container = av.open(str(path), mode="r", metadata_errors="replace")
     except (*_FOREIGN, LookupError, OSError) as error:
         raise FrameFileError(
             f"{path}: cannot be read as a video ({_reason(error)}); it is damaged, incomplete or of another "
@@ -122,9 +124,13 @@ def decoded(path: Path, packets: Sequence[Packet]) -> Iterator[tuple[int, Any, s
         stream = video_stream(container, path)
         context = stream.codec_context
         context.thread_count = 1
-        context.options = _OPTIONS | {"max_pixels": str(_most_pixels())}
         codec, is_motion_jpeg = context.codec, context.name == "mjpeg"
         hears = not is_motion_jpeg and (codec.intra_only or (codec.lossless and not codec.lossy))
+        context.options = {
+            "err_detect": _CHECKS + ("+explode" if hears or context.name in _STRICT else ""),
+            "export_side_data": "venc_params",
+            "max_pixels": str(_most_pixels()),
+        }
         damaged: dict[int, str] = {}
         for number, packet in _numbered(container, stream, len(packets)):
             frames, damage = _decode(context, packet, hears)

@@ -132,7 +132,7 @@ class ImageFile(FrameFile):
         if pictures > 1:
             notes.append("further pictures in the file (previews, other views) are passed over")
         if compression is not None:
-            notes.append(compression_note(compression))
+            notes.append(compression_note(compression, one_of_many=True))
         self._notes, self._metadata = tuple(notes), Metadata(compression=compression)
         return frame
 

@@ -118,7 +118,7 @@ def quantisation_noise(luma: Array, steps: Array) -> float:
     --------
     >>> noise = quantisation_noise(np.random.default_rng(1).normal(128, 40, (64, 64)), np.full((8, 8), 12.0))
     >>> round(noise, 1)  # 12/√12
-    3.4
+    3.5
     """
     from scipy.fft import dctn
 
@@ -176,6 +176,8 @@ def _read_header(picture: _Picture, marker: int, content: bytes) -> None:
             wide, number = content[0] >> 4, content[0] & 15
             size = 128 if wide else 64
             values = np.frombuffer(content[1 : 1 + size], ">u2" if wide else "u1")
+            if not values.all():
+                raise ValueError("a step of the quantiser is 0")
             steps = np.zeros(64)
             steps[_ZIGZAG] = values
             picture.steps[number] = steps.reshape(8, 8)
@@ -239,7 +241,7 @@ def _walk(data: bytes) -> str:
             pending -= set(chosen)
         else:
             _read_header(picture, marker, data[start:end])
-            if 0xC0 <= marker <= 0xC2 and picture.is_huffman:
+            if 0xC0 <= marker <= 0xC2 and picture.height:
                 pending = set(picture.components)
     return "some of its colours are missing" if pending else ""
 
@@ -277,11 +279,21 @@ def _walk_scan(picture: _Picture, chosen: list[int], tables: list[int], band: by
         if status != WHOLE:
             return _SEEN[status]
         left -= now
-        if 8 * (interval.size - 4) - used >= 8 + _PADDING:
+        if not _is_padding(interval[:-4], used):
             return "its data goes on after its last block"
         if not left:
             return ""
     return "its data ends early"
+
+
+def _is_padding(data: Array, used: int) -> bool:
+    """Whether what follows the last block only fills up: a few bits, or zeros or ones throughout."""
+    if 8 * data.size - used < 8 + _PADDING:
+        return True
+    if data[-1] not in (0, 255):
+        return False
+    unlike = np.flatnonzero(data != data[-1])
+    return 8 * (int(unlike[-1]) + 1 if unlike.size else 0) > used - _PADDING
 
 
 def _intervals(rest: bytes) -> list[Array]:

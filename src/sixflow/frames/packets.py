@@ -2,8 +2,8 @@
 
 Each packet carries the time stamp of its frame. Where stamps are missing, repeat, jump back, or are those of decoding
 (AVI with frames stored out of order), the order of presentation is that in which the decoder puts out its frames.
-Stamps that repeat because the container's clock is coarse are those of a constant rate; of others that repeat or jump back
-nothing is made: times are not known.
+Stamps that repeat because the container's clock is coarse are those of a constant rate; of others that repeat or jump
+back nothing is made: times are not known.
 """
 
 from __future__ import annotations
@@ -194,11 +194,17 @@ def _cut(path: Path, container: Any, stream: Any, count: int, end: Fraction, rat
     stated = frames / rate if kind == "avi" else Fraction(container.duration or 0, av.time_base)
     missing = missing_bytes(path)
     ends_early = stated > end + Fraction(3, 2) / rate
-    if not (missing or (ends_early and kind.startswith(_COUNTED) and (not frames or frames > count))):
-        return ""
     there = f"{count} frame{'s are' if count != 1 else ' is'} there"
-    if ends_early:
-        number = frames or f"about {round(stated * rate)}"
-        return f"the file is cut short or damaged: it states {number} frames ({float(stated):.4g} s), {there}"
-    assert missing is not None
-    return f"the file is cut short: it states {missing[0]} bytes or more, {missing[1]} are there; {there}"
+    if frames > count and (missing or ends_early):
+        return f"the file is cut short or damaged: it states {frames} frames ({float(stated):.4g} s), {there}"
+    if not frames and ends_early and (missing or kind.startswith(_COUNTED)):
+        about = f"about {round(stated * rate)} frames ({float(stated):.4g} s)"
+        return f"the file is cut short or damaged: it states {about}, {there}"
+    if missing:
+        last = (
+            "its end is missing"
+            if missing[0] == missing[1] + 1
+            else "it states {} bytes, {} are there".format(*missing)
+        )
+        return f"the file is cut short: {last}; {there}"
+    return ""

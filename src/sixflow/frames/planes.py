@@ -13,14 +13,25 @@ Array: TypeAlias = NDArray[Any]
 def pixels_of(frame: Any) -> tuple[Array, tuple[str, ...]]:
     """Return the recorded luma, shape (h, w), or the colours of an RGB frame, shape (h, w, 3), with notes.
 
+    Where some pixels are not opaque, alpha comes last: shape (h, w, 2) or (h, w, 4).
+
     Parameters
     ----------
     frame : av.VideoFrame
     """
     form = frame.format
+    is_deep, has_alpha = _is_deep(form), any(component.is_alpha for component in form.components)
+    opaque = 65535 if is_deep else 255
     if form.is_rgb or form.name == "pal8" or form.name.startswith(("bayer", "gbr")):
-        return frame.to_ndarray(format="rgb48le" if _is_deep(form) else "rgb24"), ()
-    return luma_of(frame)
+        if not has_alpha and form.name != "pal8":
+            return frame.to_ndarray(format="rgb48le" if is_deep else "rgb24"), ()
+        colours = frame.to_ndarray(format="rgba64le" if is_deep else "rgba")
+        return (colours if (colours[..., 3] < opaque).any() else colours[..., :3]), ()
+    luma, notes = luma_of(frame)
+    if not has_alpha:
+        return luma, notes
+    alpha = frame.to_ndarray(format="rgba64le" if is_deep else "rgba")[..., 3]
+    return (np.stack([luma, alpha], axis=-1) if (alpha < opaque).any() else luma), notes
 
 
 def luma_of(frame: Any) -> tuple[Array, tuple[str, ...]]:

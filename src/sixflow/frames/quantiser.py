@@ -102,7 +102,7 @@ def noise_of_frame(frame: Any, codec: str) -> float | None:
     codec : str
     """
     for data in frame.side_data:
-        if getattr(getattr(data, "type", None), "name", "") != "VIDEO_ENC_PARAMS":
+        if not hasattr(data, "qp"):
             continue
         count = min(data.nb_blocks, 4096)
         qps = [data.qp + data.block_params(k).delta_qp for k in range(count)] or [data.qp]
