@@ -6,7 +6,6 @@ import contextlib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from sixflow.errors import InputError
 from sixflow.frames.arrayfile import ArrayFile, is_frames
 from sixflow.frames.dataarray import labelled
 from sixflow.frames.labelled import Labelled
@@ -21,9 +20,7 @@ class NetcdfFile(ArrayFile):
 
         with xr.open_dataset(self.path, engine="h5netcdf", decode_times=True) as data:
             if "sixflow_version" in data.attrs:
-                raise InputError(
-                    f"{self.path}: is a field that sixflow wrote, not a recording; give the frames"
-                )
+                raise NotARecordingError(self.path)
             yield {
                 str(name): array
                 for name, array in data.data_vars.items()
