@@ -263,7 +263,8 @@ def test_info_of_frames(place, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("recording.tif: 4 frames of 64×64 px, uint8")
     assert lines[1].startswith("grey ")
-    assert "not recorded" in lines[2]
+    assert lines[2] == "names       recording.tif[0] to recording.tif[3]"
+    assert "not recorded" in lines[3]
 
 
 def test_info_of_frames_with_times(place, capsys):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from sixflow.engine.spline import spline_coefficients
 from sixflow.engine.threads import over_strips
 from sixflow.engine.window import CUT
 from sixflow.errors import BadFrameError, InputError
+from sixflow.frames.masked import without_mask
 
 _STRIP = 64
 CONTINUED = 8  # px: over this distance the coefficients of a quintic spline forget all but 1e-3
@@ -32,14 +34,19 @@ NO_MASK = np.empty((0, 0), dtype=np.uint8)
 
 
 def check_frame(frame: ArrayLike, name: str) -> NDArray[Any]:
-    """Return a frame as a 2-D real array.
+    """Return a frame as a 2-D real array; what is masked in a `numpy.ma` array is NaN.
 
     Raises
     ------
     InputError
         If it is not a 2-D array of real numbers, is empty, has no finite pixel or no contrast.
     """
-    array = np.asarray(frame)
+    if isinstance(frame, str | bytes | os.PathLike):
+        raise InputError(f"{name} is {frame!r}: give its pixels; sixflow.open_frames reads files")
+    try:
+        array = without_mask(frame)
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{name}: a {type(frame).__name__} is no array of grey values ({error})") from error
     if array.dtype.kind not in "biuf":
         raise InputError(
             f"{name} has dtype {array.dtype}: frames are real grey values; take the real part, or luminance of colours"

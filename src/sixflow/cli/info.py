@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import cyclopts
 
+from sixflow.cli.selection_flags import SelectionFlags
+
 if TYPE_CHECKING:
     import xarray as xr
 
@@ -16,7 +18,12 @@ SUMMARISED_BYTES = 2**30
 """Longer recordings are summarised by their first pairs."""
 
 
-def info(file: Annotated[str, cyclopts.Parameter(name="FILE")], /) -> None:
+def info(
+    file: Annotated[str, cyclopts.Parameter(name="FILE")],
+    /,
+    *,
+    selection: Annotated[SelectionFlags | None, cyclopts.Parameter(name="*")] = None,
+) -> None:
     """Tell what is in a file of frames (a folder, a pattern, a video), or in a field.
 
     Parameters
@@ -24,7 +31,7 @@ def info(file: Annotated[str, cyclopts.Parameter(name="FILE")], /) -> None:
     file
         Frames as for `sixflow measure`, or a field: .nc or .zarr.
     """
-    if _is_field(Path(file).expanduser()):
+    if selection is None and _is_field(Path(file).expanduser()):
         from sixflow.write import open_field
 
         with open_field(file) as field:
@@ -32,13 +39,15 @@ def info(file: Annotated[str, cyclopts.Parameter(name="FILE")], /) -> None:
     else:
         from sixflow.frames import open_frames
 
-        print(describe_frames(open_frames(file)))
+        print(describe_frames(open_frames(file, **(selection or {}))))
 
 
 def _is_field(path: Path) -> bool:
+    """Tell a field from frames: both may be netCDF files or Zarr stores."""
+    from sixflow.frames.opening import holds_frames
     from sixflow.write.target import SUFFIXES, is_zarr
 
-    return path.suffix.lower() in SUFFIXES or is_zarr(path)
+    return (path.suffix.lower() in SUFFIXES or is_zarr(path)) and not holds_frames(path)
 
 
 def describe_frames(source: FrameSource) -> str:
@@ -52,6 +61,9 @@ def describe_frames(source: FrameSource) -> str:
         lines.append(
             f"grey        {finite.min():g} to {finite.max():g} in the first frame, mean {finite.mean():.4g}"
         )
+    names = source.names
+    if names and not names[0].startswith("frame "):
+        lines.append(f"names       {names[0]}" + (f" to {names[-1]}" if len(names) > 1 else ""))
     times = source.times
     if times is None:
         lines.append("times       not recorded; give --frame-interval for rates per second")
@@ -62,8 +74,19 @@ def describe_frames(source: FrameSource) -> str:
             even = np.ptp(intervals) <= 1e-3 * intervals.mean()
             text += f", {'every' if even else 'uneven, on average every'} {intervals.mean():.6g} s"
         lines.append(f"times       {text}")
+    lines += [f"{label:11} {text}" for label, text in _stated(source)]
     lines += [f"note        {note}" for note in source.notes]
     return "\n".join(lines)
+
+
+def _stated(source: FrameSource) -> list[tuple[str, str]]:
+    """Pixel size and frame interval that the recording states."""
+    stated, found = source.metadata, []
+    if stated.pixel_size is not None:
+        found.append(("pixel size", f"{stated.pixel_size:.6g} {stated.length_unit}"))
+    if stated.frame_interval is not None:
+        found.append(("interval", f"{stated.frame_interval:.6g} s"))
+    return found
 
 
 def describe_field(field: xr.Dataset, name: str) -> str:

@@ -15,6 +15,7 @@ from cyclopts import Parameter
 from sixflow.cli.errors import say
 from sixflow.cli.flags import Output, Switch, read_update
 from sixflow.cli.progress import announce_compilation, progress
+from sixflow.cli.selection_flags import SelectionFlags
 from sixflow.cli.settings_flags import SettingsFlags, gather_settings
 from sixflow.errors import InputError, MeasurementError
 from sixflow.settings import Settings
@@ -40,6 +41,7 @@ def measure(
     /,
     *,
     output: Output,
+    selection: Annotated[SelectionFlags | None, Parameter(name="*")] = None,
     flags: Annotated[SettingsFlags | None, Parameter(name="*")] = None,
     settings: Path | None = None,
     mask: Path | None = None,
@@ -90,7 +92,7 @@ def measure(
     output = check_output(output, overwrite)
     picture = None if plot is None else check_figure(plot, overwrite)
     chosen = gather_settings(flags, settings)
-    source = open_frames(frames[0] if len(frames) == 1 else list(frames))
+    source = open_frames(frames[0] if len(frames) == 1 else list(frames), **(selection or {}))
     _require_pair(source, frames)
     if bodies and mask is None:
         raise InputError("--bodies: there is no mask whose values could be numbers of bodies; give --mask")

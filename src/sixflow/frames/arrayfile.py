@@ -22,6 +22,13 @@ from sixflow.frames.selection import Selection
 Array: TypeAlias = NDArray[Any]
 
 
+class NotARecordingError(InputError):
+    """The file holds a field, not frames."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(f"{path}: is a field that sixflow wrote, not a recording; give the frames")
+
+
 class ArrayFile(FrameFile):
     """A file that holds an array, or several of which one is chosen.
 

@@ -6,8 +6,7 @@ import contextlib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from sixflow.errors import InputError
-from sixflow.frames.arrayfile import ArrayFile, is_frames
+from sixflow.frames.arrayfile import ArrayFile, NotARecordingError, is_frames
 from sixflow.frames.dataarray import labelled
 from sixflow.frames.labelled import Labelled
 
@@ -17,13 +16,14 @@ class NetcdfFile(ArrayFile):
 
     @contextlib.contextmanager
     def _arrays(self) -> Iterator[Mapping[str, Any]]:
+        import h5py
         import xarray as xr
 
+        with h5py.File(self.path, "r") as file:  # h5netcdf complains of damaged files twice
+            file.visititems(lambda _, thing: dict(thing.attrs) and None)
         with xr.open_dataset(self.path, engine="h5netcdf", decode_times=True) as data:
             if "sixflow_version" in data.attrs:
-                raise InputError(
-                    f"{self.path}: is a field that sixflow wrote, not a recording; give the frames"
-                )
+                raise NotARecordingError(self.path)
             yield {
                 str(name): array
                 for name, array in data.data_vars.items()

@@ -7,11 +7,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from sixflow.errors import InputError
+from sixflow.errors import FrameFileError, InputError
+from sixflow.frames.arrayfile import NotARecordingError
 from sixflow.frames.arrays import ArraySource, ListSource, StreamSource
 from sixflow.frames.axes import refuse_choices
 from sixflow.frames.dataarray import is_data_array, labelled
 from sixflow.frames.files import FileSource
+from sixflow.frames.formats import find_format
 from sixflow.frames.part import PartSource
 from sixflow.frames.paths import find_files
 from sixflow.frames.selection import Selection
@@ -118,3 +120,16 @@ def _path(given: PathLike) -> Path:
     if not isinstance(text, str) or not text or "\0" in text:
         raise InputError(f"frames={given!r}: is no path of a file; give its name as text")
     return Path(text)
+
+
+def holds_frames(path: Path) -> bool:
+    """Tell whether a netCDF file or Zarr store that exists holds frames, rather than a field."""
+    found = find_format(path)
+    if found is None or not path.exists():
+        return False
+    try:
+        return found.open(path).count > 0
+    except (NotARecordingError, FrameFileError):
+        return False
+    except InputError:  # frames of which some must be chosen
+        return True

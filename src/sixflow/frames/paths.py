@@ -56,6 +56,8 @@ def find_files(source: Path | Sequence[Path]) -> FoundFiles:
         found = _of_one_format(paths, f"{len(paths)} files", given_order=True)
         return dataclasses.replace(found, datasets=tuple(dataset for _, dataset in split))
     path, dataset = split_dataset(source.expanduser())
+    if path.name.lower().endswith(".companion.ome"):
+        return _of_companion(_readable(_existing(path)))
     if _is_plain_folder(path):
         found = _in_folder(path)
     elif not _exists(path) and glob.has_magic(str(path)):
@@ -63,6 +65,16 @@ def find_files(source: Path | Sequence[Path]) -> FoundFiles:
     else:
         found = _of_one_format([_readable(_existing(path))], str(source))
     return dataclasses.replace(found, datasets=(dataset,) * len(found.paths))
+
+
+def _of_companion(path: Path) -> FoundFiles:
+    """The files of a set whose OME-XML stands in a file of its own."""
+    from sixflow.frames.tiff.ome import companion_files
+
+    files = companion_files(path)
+    if not files:
+        raise FrameFileError(f"{path}: names no files; give the files with the pictures")
+    return _of_one_format([_existing(file) for file in files], str(path), given_order=True)
 
 
 def split_dataset(path: Path) -> tuple[Path, str | None]:

@@ -11,8 +11,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from sixflow.errors import InputError
-from sixflow.frames.arrayfile import ArrayFile, is_frames
+from sixflow.frames.arrayfile import ArrayFile, NotARecordingError, is_frames
 from sixflow.frames.labelled import Labelled, codes_of_names, codes_of_shape
 from sixflow.frames.metadata import Metadata
 from sixflow.frames.units import length, seconds_in
@@ -39,7 +38,7 @@ class ZarrFile(ArrayFile):
 
         store: Any = zarr.open(str(self.path), mode="r")
         if "sixflow_version" in store.attrs:
-            raise InputError(f"{self.path}: is a field that sixflow wrote, not a recording; give the frames")
+            raise NotARecordingError(self.path)
         found: dict[str, _Found] = {}
         _collect(store, "", found)
         wanted = self.selection.position

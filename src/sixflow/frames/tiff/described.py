@@ -38,39 +38,43 @@ def of_ome(image: ome.OmeImage, pages: Pages, chain: Chain) -> Series:
 
 def of_imagej(lines: dict[str, str], pages: Pages, chain: Chain) -> Series:
     """Return the stack that the lines of ImageJ describe."""
-    first = pages.page(0)
+    first, interval = pages.page(0), imagej.frame_interval(lines)
+    samples = colour.channels(first)
+    order, sizes, notes = _imagej_sizes(lines, int(first.samplesperpixel), len(chain.offsets))
+    stored = [Axis(code, range(sizes[code]), _labels(pages, code, order, sizes)) for code in order]
+    if (
+        interval is not None
+        and [a.code for a in stored if len(a.numbers) > 1] == ["C"]
+        and not imagej.is_composite(lines)
+    ):
+        notes.append("the channels (C) of the stack are read as frames over time: it states a frame interval")
+        stored = [Axis("T", axis.numbers) for axis in stored if axis.code == "C"]
+    axes = (
+        [axis for axis in stored if axis.code != "C"] + [Axis("C", range(samples))] if samples > 1 else stored
+    )
+    at = places(math.prod(sizes.values()), pages, chain, first)
+    return Series(
+        0, "", (first.imagelength, first.imagewidth), axes,
+        in_order([axis for axis in stored if samples == 1 or axis.code != "C"], at, samples > 1), stated=True,
+        interval=interval, pixel=imagej.pixel_sizes(lines, first), aspect=imagej.pixel_aspect(first), notes=notes,
+    )  # fmt: skip
+
+
+def _imagej_sizes(lines: dict[str, str], samples: int, pages: int) -> tuple[str, dict[str, int], list[str]]:
+    """Order and sizes of the axes of a stack of ImageJ, and notes; samples of a pixel are no pictures."""
+    order = imagej.ORDERS.get(lines.get("order", "czt").lower(), "TZC")
     sizes = {
-        "T": imagej.whole(lines, "frames"),
-        "Z": imagej.whole(lines, "slices"),
-        "C": imagej.whole(lines, "channels"),
+        code: imagej.whole(lines, key) for code, key in (("T", "frames"), ("Z", "slices"), ("C", "channels"))
     }
-    samples = int(first.samplesperpixel)
-    sampled = colour.channels(first) > 1
     if samples > 1 and sizes["C"] == samples:
         sizes["C"] = 1
     number = math.prod(sizes.values())
-    order = imagej.ORDERS.get(lines.get("order", "czt").lower(), "TZC")
     if number == 1:
-        number, order = max(imagej.whole(lines, "images"), len(chain.offsets)), "T"
-        sizes = {"T": number}
-    notes = []
-    if 1 < number < len(chain.offsets):
-        notes.append(
-            f"ImageJ's description states {number} pages, the file has {len(chain.offsets)}: all are read"
-        )
-        number, order, sizes = len(chain.offsets), "T", {"T": len(chain.offsets)}
-    axes = [Axis(code, range(sizes[code]), _labels(pages, code, order, sizes)) for code in order]
-    if sampled:
-        axes.append(Axis("C", range(samples))) if "C" not in order else axes.__setitem__(
-            order.index("C"), Axis("C", range(samples))
-        )
-    at = places(number, pages, chain, first)
-    plane = in_order([axis for axis in axes if not (sampled and axis.code == "C")], at, sampled)
-    return Series(
-        0, "", (first.imagelength, first.imagewidth), axes, plane, stated=True,
-        interval=imagej.frame_interval(lines), pixel=imagej.pixel_sizes(lines, first),
-        aspect=imagej.pixel_aspect(first), notes=notes,
-    )  # fmt: skip
+        return "T", {"T": max(imagej.whole(lines, "images"), pages)}, []
+    if number < pages:
+        note = f"ImageJ's description states {number} pages, the file has {pages}: all are read"
+        return "T", {"T": pages}, [note]
+    return order, sizes, []
 
 
 def _labels(pages: Pages, code: str, order: str, sizes: Mapping[str, int]) -> tuple[str, ...]:

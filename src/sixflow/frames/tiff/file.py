@@ -94,7 +94,7 @@ class TiffFile(FrameFile):
     @property
     def _layout(self) -> _Layout:
         if self._found is None:
-            with self._opened() as (tif, chain):
+            with self._opened() as (tif, chain), captured_log():
                 self._found = self._look(tif, chain)
         return self._found
 
@@ -169,16 +169,15 @@ class TiffFile(FrameFile):
         codes = [axis.code for axis in series.axes]
         applied += [name for name, code in (("channel", "C"), ("z", "Z"), ("position", "P")) if code in codes]
         refuse_choices(self.selection, str(self.path), [*applied, "channel"])
-        along = next((axis.numbers for axis in series.axes if axis.code == choice.along), [0])
-        indices = [
-            {**choice.fixed, **({choice.along: k} if choice.along else {})}
-            for k in _bounded(along, self.path)
-        ]
-        planes = [series.plane(index) for index in indices]
+        along = next((axis.numbers for axis in series.axes if axis.code == choice.along), range(1))
+        _require_possible(len(along), series, chain, self.path)
+        indices = [{**choice.fixed, **({choice.along: k} if choice.along else {})} for k in along]
+        found = [series.plane(index) for index in indices]
+        planes = [None if plane is None or plane.page >= len(chain.offsets) else plane for plane in found]
         if series.origin:  # frames of other channels and slices are other files' business
             kept = [k for k, plane in enumerate(planes) if plane is not None]
             indices, planes = [indices[k] for k in kept], [planes[k] for k in kept]
-        missing = sum(plane is None or plane.page >= len(chain.offsets) for plane in planes)
+        missing = sum(plane is None for plane in planes)
         _require_most(len(planes), missing, self.path)
         notes = [*series.notes, *choice.notes, *_missing_notes(series, len(planes), missing, chain)]
         times, time_notes = _times(series, indices, choice.along)
@@ -204,10 +203,11 @@ def _refuse_several(stacks: list[Series], path: Path) -> None:
     )
 
 
-def _bounded(numbers: Any, path: Path) -> Any:
-    if len(numbers) > 10_000_000:
-        raise damaged(path, f"it claims {len(numbers)} frames")
-    return numbers
+def _require_possible(count: int, series: Series, chain: Chain, path: Path) -> None:
+    """Refuse a claim of more frames than the file has room for, before they are counted one by one."""
+    room = path.stat().st_size // max(1, series.size[0] * series.size[1])
+    if count > 2 * max(room, len(chain.offsets)) + 2 * _MANY:
+        raise damaged(path, f"it states {count} frames, for which it is too short", is_cut=True)
 
 
 def _require_most(count: int, missing: int, path: Path) -> None:

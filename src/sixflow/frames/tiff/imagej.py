@@ -42,6 +42,11 @@ def whole(lines: dict[str, str], key: str) -> int:
         return 1
 
 
+def is_composite(lines: dict[str, str]) -> bool:
+    """Tell whether ImageJ shows the channels of a stack as colours, so that they are channels indeed."""
+    return lines.get("mode", "grayscale") != "grayscale"
+
+
 def frame_interval(lines: dict[str, str]) -> float | None:
     """Return the time between successive frames, s; None where it is not stated."""
     scale, interval = seconds_in(lines.get("tunit", "s")), _positive(lines.get("finterval"))

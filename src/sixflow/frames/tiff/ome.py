@@ -18,8 +18,8 @@ from sixflow.frames.units import seconds_in
 Index: TypeAlias = tuple[int, int, int]
 """Numbers of time, channel and slice of a plane."""
 
-MOST_PLANES = 10_000_000
-"""More planes than this are no recording."""
+_MISSING = 2000
+"""Planes beyond the last page of the file that are still told apart; more are claimed, but not there."""
 
 
 @dataclasses.dataclass
@@ -165,7 +165,7 @@ def _own_planes(
     """Which page holds each plane of this file, and the other files that hold planes."""
     planes: dict[Index, int] = {}
     elsewhere: set[str] = set()
-    total = min(sizes["T"] * sizes["C"] * sizes["Z"], MOST_PLANES)
+    total = sizes["T"] * sizes["C"] * sizes["Z"]
     blocks = _children(pixels, "TiffData")
     if not blocks:
         return {_index(k, order, sizes): k for k in range(min(total, pages))}, elsewhere
@@ -181,7 +181,7 @@ def _own_planes(
         page = max(0, _whole(block.get("IFD"), 0))
         count = _whole(block.get("PlaneCount", block.get("NumPlanes")), 1 if block.get("IFD") else 0)
         count = count if count > 0 else max(0, pages - page)
-        for k in range(min(count, total - begin, MOST_PLANES - len(planes))):
+        for k in range(min(count, total - begin, max(0, pages - page) + _MISSING)):
             planes[_index(begin + k, order, sizes)] = page + k
     return planes, elsewhere
 

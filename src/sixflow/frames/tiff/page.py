@@ -103,10 +103,12 @@ class Pages:
         try:
             with captured_log() as messages:
                 page = self.tif.pages.get(number)
+            _require_tags(messages, self.path, number)
+            self._check(page, number)
+        except FrameFileError:
+            raise
         except DAMAGE as error:
             raise damaged(self.path, f"page {number}: {error}") from error
-        _require_tags(messages, self.path, number)
-        self._check(page, number)
         self._last = number, page
         return page
 
@@ -118,7 +120,17 @@ class Pages:
         FrameFileError
             If it is damaged, missing, or of a kind that cannot be decoded.
         """
-        page, is_rgb = self.page(plane.page), False
+        page = self.page(plane.page)
+        try:
+            with captured_log():
+                return self._picture(page, plane)
+        except FrameFileError:
+            raise
+        except DAMAGE as error:
+            raise damaged(self.path, f"page {plane.page}: {error}") from error
+
+    def _picture(self, page: Any, plane: Plane) -> tuple[Array, tuple[str, ...]]:
+        is_rgb = False
         if plane.offset is not None:
             pixels = self._stored(page, plane)
         else:
@@ -131,12 +143,7 @@ class Pages:
         if plane.sample is not None:
             pixels = pixels[..., plane.sample]
         name = f"{self.path}: page {plane.page}"
-        try:
-            return colour.to_picture(pixels, page, name, is_rgb=is_rgb, keep_indices=self.keep_indices)
-        except DAMAGE as error:
-            if isinstance(error, FrameFileError):
-                raise
-            raise damaged(self.path, f"page {plane.page}: {error}") from error
+        return colour.to_picture(pixels, page, name, is_rgb=is_rgb, keep_indices=self.keep_indices)
 
     def _check(self, page: Any, number: int) -> None:
         """Refuse what a page claims and cannot be."""
