@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
-from sixflow.field.provenance import joined_attrs, said_of_pairs
+from sixflow.field.provenance import join_attrs, said_of_pairs
 from sixflow.masks import MaskLike, Masks
 from sixflow.pair import PairResult, Prepared
 from sixflow.search.guess import without_guess
@@ -253,7 +253,8 @@ def join_fields(fields: Sequence[xr.Dataset]) -> xr.Dataset:
         join="override",
         combine_attrs="override",
     )
-    return joined.assign_attrs(joined_attrs([said_of_pairs(field.attrs) for field in fields]))
+    joined.attrs = join_attrs(fields[0].attrs, [said_of_pairs(field.attrs) for field in fields])
+    return joined
 
 
 def _time_of(
