@@ -18,12 +18,13 @@ from numpy.typing import ArrayLike
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import join_attrs, said_of_pairs
+from sixflow.frames.digests import FrameDigests
 from sixflow.masks import MaskLike, Masks
 from sixflow.pair import PairResult, Prepared
 from sixflow.search.guess import without_guess
 from sixflow.sequence import Update, check_update, follow
 from sixflow.session import Session
-from sixflow.settings import Settings, SettingsOptions
+from sixflow.settings import Settings, SettingsOptions, require_names, require_settings
 
 Pairs = Literal["consecutive", "first", "incremental"]
 
@@ -85,7 +86,7 @@ def measure(
     True
     """
     masks = _masks_of_a_pair(mask)
-    chosen, guess = without_guess(settings or Settings(), options)
+    chosen, guess = without_guess(require_settings(settings), options)
     session = Session(chosen, masks_move=masks.moving, guess=guess)
     frames = [
         session.prepare(frame, f"frame{k}", masks.at(k), lasting=True)
@@ -149,6 +150,7 @@ def measure_sequence(
     >>> measure_sequence(made.frames, pairs="first").u.mean(("y", "x")).round(2).values
     array([0.5, 1. ], dtype=float32)
     """
+    require_names(options)  # what only iterate_sequence knows is no option here
     fields = []
     source = iterate_sequence(
         frames, pairs=pairs, update=update, mask=mask, times=times, settings=settings, **options
@@ -170,6 +172,7 @@ def iterate_sequence(
     settings: Settings | None = None,
     skip: int = 0,
     done: xr.Dataset | None = None,
+    seen: FrameDigests | None = None,
     **options: Unpack[SettingsOptions],
 ) -> Iterator[xr.Dataset]:
     """Yield the field of each pair of a recording as soon as it is measured; arguments as for
@@ -182,6 +185,9 @@ def iterate_sequence(
     done : Dataset, optional
         The pairs that are left out. If pairs is not "consecutive", every result depends on those before: with `done`
         the rest is measured from them, without it they are measured again; the numbers are the same.
+    seen : FrameDigests, optional
+        Digests of the frames that were measured before, as `RecordingWriter.frames`: frames that have changed since are
+        refused, and those of the others are added.
 
     Yields
     ------
@@ -191,10 +197,12 @@ def iterate_sequence(
     if pairs not in get_args(Pairs):
         raise InputError(f"pairs={pairs!r}: must be one of {', '.join(map(repr, get_args(Pairs)))}")
     masks = Masks(mask)
-    chosen, guess = without_guess(settings or Settings(), options)
+    chosen, guess = without_guess(require_settings(settings), options)
     renewal = check_update(update, pairs, chosen.reference)
     session = Session(chosen, masks_move=masks.moving, guess=guess)
     stamps = getattr(frames, "times", None) if times is None else times
+    if seen is not None:
+        frames = seen.watch(frames, getattr(frames, "names", ()))
     if pairs == "consecutive":
         results = _consecutive(session, frames, masks, skip)
     else:

@@ -27,7 +27,15 @@ from sixflow.field.flags import FLAGS
 from sixflow.grid import Grid
 from sixflow.lighting import Change
 from sixflow.masks import Bodies
-from sixflow.normalise import Frame, both_valid, check_frame, flatten_lighting, to_image
+from sixflow.normalise import (
+    Frame,
+    both_valid,
+    check_frame,
+    flatten_lighting,
+    range_of,
+    require_range,
+    to_image,
+)
 from sixflow.pair import PairResult, Prepared
 from sixflow.pieces import Found, Part, Start, room_to_move, share_failed, with_margin
 from sixflow.placing import masked_points, placed
@@ -99,6 +107,7 @@ class Session:
             raise InputError(
                 f"{name} has no finite pixel: all {array.size} are NaN or infinite; check how it was read"
             )
+        require_range(image, self.scale, name)
         kept = image[valid.astype(bool)] if valid.size else image
         if kept.max() == kept.min():
             raise InputError(
@@ -128,13 +137,7 @@ class Session:
             )
         self.shape = (height, width)
         self.grid = Grid.over(self.shape, self.settings.step)
-        sample = first[::4, ::4].astype(np.float64)
-        finite = sample[np.isfinite(sample)]
-        if finite.size:
-            self.constant = float(finite.mean())
-            spread = float(np.abs(finite - self.constant).mean())
-            if spread > 0 and not 1e-3 < spread < 1e5:  # squares of squares must fit single precision
-                self.scale = 2.0 ** -round(math.log2(spread) - 5)
+        self.constant, self.scale = range_of(first[::4, ::4], name)
 
     def measure_pair(
         self, reference: Prepared, moved: Prepared, numbers: tuple[int, int], start: Start | None = None
