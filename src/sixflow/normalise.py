@@ -27,7 +27,7 @@ _STRIP = 64
 CONTINUED = 8  # px: over this distance the coefficients of a quintic spline forget all but 1e-3
 _COVERED = 1e-3  # share of the Gaussian that has to lie in a region for its light to be known
 
-_SMALLEST = 1e-290
+_SMALLEST = 1e-305
 LARGEST = 1e12
 """Largest distance of a grey value from the first frame's mean, in scaled grey: its square fits single precision."""
 
