@@ -19,15 +19,16 @@ from numpy.typing import ArrayLike
 
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
-from sixflow.field.provenance import joined_attrs, said_of_pairs
+from sixflow.field.provenance import join_attrs, said_of_pairs
 from sixflow.floor import Floor
 from sixflow.frames import FrameSource, open_frames
+from sixflow.frames.digests import FrameDigests
 from sixflow.masks import MaskLike, Masks
 from sixflow.recording import Recording, Schedule
 from sixflow.search.guess import without_guess
 from sixflow.sequence import Update, check_update, consecutive, follow
 from sixflow.session import Session
-from sixflow.settings import Settings, SettingsOptions
+from sixflow.settings import Settings, SettingsOptions, require_names, require_settings
 from sixflow.times import FrameTimes, Pairs, Times
 
 
@@ -89,7 +90,7 @@ def measure(
     True
     """
     masks = _masks_of_a_pair(mask)
-    chosen, guess = without_guess(settings or Settings(), options)
+    chosen, guess = without_guess(require_settings(settings), options)
     files = _files(frame0, frame1, chosen)
     chosen = chosen if files is None else files.settings
     floor = Floor() if files is None else Floor.of(files.source)
@@ -173,6 +174,7 @@ def measure_sequence(
     >>> measure_sequence(made.frames, pairs="first").u.mean(("y", "x")).round(2).values
     array([0.5, 1. ], dtype=float32)
     """
+    require_names(options)  # what only iterate_sequence knows is no option here
     fields = []
     measured = _measured(
         frames,
@@ -210,6 +212,7 @@ def iterate_sequence(
     settings: Settings | None = None,
     skip: int = 0,
     done: xr.Dataset | None = None,
+    seen: FrameDigests | None = None,
     **options: Unpack[SettingsOptions],
 ) -> Iterator[xr.Dataset]:
     """Yield the field of each pair of a recording as soon as it is measured; arguments as for
@@ -222,6 +225,9 @@ def iterate_sequence(
     done : Dataset, optional
         The pairs that are left out. If pairs is not "consecutive", every result depends on those before: with `done`
         the rest is measured from them, without it they are measured again; the numbers are the same.
+    seen : FrameDigests, optional
+        Digests of the frames that were measured before, as `RecordingWriter.frames`: frames that have changed since are
+        refused, and those of the others are added.
 
     Yields
     ------
@@ -238,6 +244,7 @@ def iterate_sequence(
         strict=strict,
         skip=skip,
         done=done,
+        seen=seen,
         options=options,
     )
 
@@ -254,14 +261,15 @@ def _measured(
     options: SettingsOptions,
     skip: int = 0,
     done: xr.Dataset | None = None,
+    seen: FrameDigests | None = None,
 ) -> Generator[xr.Dataset, None, tuple[str, ...]]:
     """Yield the field of each pair; what remains to be said in the end is returned."""
     masks = Masks(mask)
-    asked, guess = without_guess(settings or Settings(), options)
+    asked, guess = without_guess(require_settings(settings), options)
     renewal = check_update(update, schedule.pairs, asked.reference)
     if not isinstance(strict, bool):
         raise InputError(f"strict={strict!r}: must be True or False")
-    recording = Recording(open_frames(frames), schedule, _stamps(frames, times), asked)
+    recording = Recording(open_frames(frames), schedule, _stamps(frames, times), asked, digests=seen)
     session = Session(
         recording.settings,
         masks_move=masks.moving,
@@ -331,4 +339,5 @@ def join_fields(fields: Sequence[xr.Dataset]) -> xr.Dataset:
         join="override",
         combine_attrs="override",
     )
-    return joined.assign_attrs(joined_attrs([said_of_pairs(field.attrs) for field in fields]))
+    joined.attrs = join_attrs(fields[0].attrs, [said_of_pairs(field.attrs) for field in fields])
+    return joined

@@ -29,6 +29,10 @@ _STRIP = 64
 CONTINUED = 8  # px: over this distance the coefficients of a quintic spline forget all but 1e-3
 _COVERED = 1e-3  # share of the Gaussian that has to lie in a region for its light to be known
 
+_SMALLEST = 1e-305
+LARGEST = 1e12
+"""Largest distance of a grey value from the first frame's mean, in scaled grey: its square fits single precision."""
+
 NO_MASK = np.empty((0, 0), dtype=np.uint8)
 """Stands for a mask where every pixel is valid."""
 
@@ -47,6 +51,9 @@ def check_frame(frame: ArrayLike, name: str) -> NDArray[Any]:
         array = without_mask(frame)
     except (ValueError, TypeError) as error:
         raise InputError(f"{name}: a {type(frame).__name__} is no array of grey values ({error})") from error
+    if array.dtype.kind == "f" and array.dtype.itemsize > 8:
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            array = array.astype(np.float64)
     if array.dtype.kind not in "biuf":
         raise InputError(
             f"{name} has dtype {array.dtype}: frames are real grey values; take the real part, or luminance of colours"
@@ -79,6 +86,57 @@ def require_contrast(frame: NDArray[Any], name: str) -> None:
     if low == high:
         raise BadFrameError(
             f"{name} is constant ({low}): there is no texture to follow; check the frame or its exposure"
+        )
+
+
+def range_of(first: NDArray[Any], name: str) -> tuple[float, float]:
+    """Return the grey constant that is taken from the frames of a recording, and the power of two that scales them.
+
+    Squares of squares of what is left must fit single precision.
+
+    Parameters
+    ----------
+    first : array, shape (height, width)
+        The first frame, or a sample of it.
+    name : str
+        For messages.
+
+    Raises
+    ------
+    InputError
+        If the values are so small that their differences have no digits.
+    """
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        sample = first.astype(np.float64)
+        finite = sample[np.isfinite(sample)]
+        peak = float(np.abs(finite).max(initial=0.0))
+        if not peak:
+            return 0.0, 1.0
+        finite = finite / peak  # whose sum is finite too
+        constant = float(finite.mean())
+        spread = float(np.abs(finite - constant).mean()) * peak
+    if spread == 0 or 1e-3 < spread < 1e5:
+        return constant * peak, 1.0
+    if spread < _SMALLEST:
+        raise InputError(
+            f"{name} has values that differ by {spread:.1g}, which is too little to compute with: multiply all frames"
+        )
+    return constant * peak, 2.0 ** -round(math.log2(spread) - 5)
+
+
+def require_range(image: NDArray[Any], scale: float, name: str) -> None:
+    """Refuse a frame with values so far from those of the first that both cannot be compared.
+
+    Raises
+    ------
+    BadFrameError
+        If there are values that are more than `LARGEST` after scaling.
+    """
+    largest = max(-float(image.min()), float(image.max()))
+    if largest > LARGEST:
+        raise BadFrameError(
+            f"{name} has values that differ by {largest / scale:.1g} from the first frame's, by orders more than "
+            "these among themselves: give all frames in one unit, and NaN to pixels without a value"
         )
 
 
@@ -209,18 +267,21 @@ def to_image(
     """Return (image less the constant, times the scale; validity; number of pixels without a value)."""
     if scale == 1:
         image: NDArray[Any] = np.empty(frame.shape, dtype)
-        over_strips(
-            lambda a, b: np.subtract(frame[a:b], constant, out=image[a:b], dtype=dtype),
-            len(frame),
-            _STRIP,
-        )
+
+        def subtract(a: int, b: int) -> None:
+            with np.errstate(over="ignore", invalid="ignore"):  # what overflows has no value
+                np.subtract(frame[a:b], constant, out=image[a:b], dtype=dtype)
+
+        over_strips(subtract, len(frame), _STRIP)
     else:
-        with np.errstate(over="ignore", invalid="ignore"):  # what overflows has no value
-            image = np.multiply(np.subtract(frame, constant, dtype=np.float64), scale, order="C").astype(
-                dtype
-            )
-    if frame.dtype.kind != "f" or np.isfinite(np.dot(image.ravel(), image.ravel())):
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):  # as above
+            scaled = np.multiply(frame, scale, dtype=np.float64, order="C")
+            image = np.subtract(scaled, constant * scale).astype(dtype)
+    if frame.dtype.kind != "f":
         return image, NO_MASK, 0
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(np.dot(image.ravel(), image.ravel())):
+            return image, NO_MASK, 0
     finite = np.isfinite(image)
     missing = int(finite.size - np.count_nonzero(finite))
     if not missing:

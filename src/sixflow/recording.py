@@ -20,6 +20,7 @@ import numpy as np
 
 from sixflow.errors import InputError
 from sixflow.frames import BadFrame, FrameSource
+from sixflow.frames.digests import FrameDigests
 from sixflow.frames.doubles import Doubles, breaks, files_of
 from sixflow.frames.metadata import Metadata
 from sixflow.frames.source import Array
@@ -97,6 +98,8 @@ class Recording:
         As a user gives them.
     settings : Settings
         As a user gives them; `settings` of the object holds the calibration of the source as well.
+    digests : FrameDigests, optional
+        Compares the frames with those that were measured before, or remembers them.
 
     Raises
     ------
@@ -114,9 +117,15 @@ class Recording:
     """
 
     def __init__(
-        self, source: FrameSource, schedule: Schedule, times: Times | None, settings: Settings
+        self,
+        source: FrameSource,
+        schedule: Schedule,
+        times: Times | None,
+        settings: Settings,
+        digests: FrameDigests | None = None,
     ) -> None:
         self.source, self.schedule, self.seen = source, schedule, 0
+        self._digests = digests
         self.numbers: Sequence[int] = source.numbers
         names = source.names
         self.files = files_of(names)
@@ -173,7 +182,8 @@ class Recording:
 
     def frames(self) -> Iterator[Array | BadFrame]:
         """The frames one after the other; in place of one that cannot be read, a `BadFrame`."""
-        for frame in self.source.attempt():
+        frames = self.source.attempt()
+        for frame in frames if self._digests is None else self._digests.watch(frames, self.source.names):
             self.seen += 1
             yield frame
 

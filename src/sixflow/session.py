@@ -29,7 +29,16 @@ from sixflow.grid import Grid
 from sixflow.interlacing import InterlacingCheck
 from sixflow.lighting import Change
 from sixflow.masks import Bodies
-from sixflow.normalise import Frame, both_valid, check_frame, flattened, require_contrast, to_image
+from sixflow.normalise import (
+    Frame,
+    both_valid,
+    check_frame,
+    flattened,
+    range_of,
+    require_contrast,
+    require_range,
+    to_image,
+)
 from sixflow.pair import PairResult, Prepared, field_of_pair, same_content
 from sixflow.pieces import Found, Part, Start, room_to_move, share_failed, with_margin
 from sixflow.placing import masked_points, placed
@@ -123,6 +132,7 @@ class Session:
             raise BadFrameError(
                 f"{name} has no pixel of a size that can be computed with; scale its grey values"
             )
+        require_range(image, self.scale, name)
         notes = self.interlacing.notes(image, name)
         notes += (
             (f"{name}: {missing} pixels without a value (NaN or infinite) are masked",) if missing else ()
@@ -207,13 +217,7 @@ class Session:
             )
         self.shape = (height, width)
         self.grid = Grid.over(self.shape, self.settings.step)
-        sample = first[::4, ::4].astype(np.float64)
-        finite = sample[np.isfinite(sample)]
-        if finite.size:
-            self.constant = float(finite.mean())
-            spread = float(np.abs(finite - self.constant).mean())
-            if spread > 0 and not 1e-3 < spread < 1e5:  # squares of squares must fit single precision
-                self.scale = 2.0 ** -round(math.log2(spread) - 5)
+        self.constant, self.scale = range_of(first[::4, ::4], name)
 
     def measure_pair(
         self, reference: Prepared, moved: Prepared, numbers: tuple[int, int], start: Start | None = None

@@ -330,17 +330,15 @@ def require_names(given: Mapping[Any, Any]) -> None:
     --------
     >>> require_names({"windwo": 31})
     Traceback (most recent call last):
-    sixflow.errors.InputError: windwo: no such setting, did you mean window? There are window, step, method, ...
+    sixflow.errors.InputError: windwo: no such setting; there are window, step, ...; did you mean window?
     """
     names = [field.name for field in dataclasses.fields(Settings)]
     unknown = [name for name in given if name not in names]
     if unknown:
         alike = [match for name in unknown for match in difflib.get_close_matches(str(name), names, 1)]
-        meant = f", did you mean {', '.join(alike)}?" if alike else ";"
-        raise InputError(
-            f"{', '.join(shown(name).strip(chr(39)) for name in unknown)}: no such setting{meant} "
-            f"{'There' if alike else 'there'} are {', '.join(names)}"
-        )
+        meant = f"; did you mean {', '.join(alike)}?" if alike else ""
+        asked = ", ".join(shown(name).strip("'") for name in unknown)
+        raise InputError(f"{asked}: no such setting; there are {', '.join(names)}{meant}")
 
 
 def require_settings(settings: object) -> Settings:

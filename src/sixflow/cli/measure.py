@@ -157,6 +157,7 @@ def _measure_into(
                 settings=job.settings,
                 skip=writer.done,
                 done=writer.stored(),
+                seen=writer.frames,
             ):
                 writer.append(field)
                 tally.add(field)

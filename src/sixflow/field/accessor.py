@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from sixflow.errors import InputError
-from sixflow.field import calibration, sampling, selection, summary
+from sixflow.field import average, calibration, sampling, selection, summary
 from sixflow.field.dataset import SIX
 from sixflow.field.derived import DERIVED, MEASURES, derive, derived_error, six
 from sixflow.field.physical import to_physical
@@ -358,6 +358,37 @@ class SixflowAccessor:
             self._field, pixel_size=pixel_size, length_unit=length_unit, frame_interval=frame_interval
         )
         return to_physical(field, calibration.Calibration.of(field), y_up=y_up)
+
+    # Over time
+
+    def mean(self, dim: str = "time") -> xr.Dataset:
+        """Average the six numbers over the pairs of a recording, with the covariance of the mean.
+
+        At every point the mean is of the pairs that are valid there; `pairs` tells how many. Flags are those of these
+        pairs together, or of all where none is valid. Errors of a frame that several pairs share as their
+        reference, or as their moved frame, do not average out. That noise cancels between consecutive pairs is left out, so that the
+        standard errors of their mean are rather too large (`sixflow.field.average`).
+
+        `field.mean("time")` of xarray averages flags and covariances as if they were values; what it returns is
+        refused here and by `write_field`.
+
+        Parameters
+        ----------
+        dim : {"time"}
+            What to average over.
+
+        Returns
+        -------
+        Dataset
+            Dims (y, x): the six, covariance, residual, noise (root of the mean square), resolution, flag, pairs; `time`
+            is the mean of the times. `interval`, `frame0` and `frame1` stand where all pairs have the same.
+
+        Raises
+        ------
+        InputError
+            If the field has no pairs along `dim`.
+        """
+        return average.mean_over_time(self._field, dim)
 
     # In words
 

@@ -40,5 +40,8 @@ class FieldBackend(BackendEntrypoint):
         """Tell fields in Zarr stores; netCDF files are left to xarray's own engines."""
         if not isinstance(filename_or_obj, str | os.PathLike):
             return False
-        header = Path(filename_or_obj) / "zarr.json"
-        return header.is_file() and "six-parameter optical flow field" in header.read_text(encoding="utf-8")
+        try:
+            header = (Path(filename_or_obj) / "zarr.json").read_text(encoding="utf-8")
+        except (OSError, ValueError):  # not there, or no text
+            return False
+        return "six-parameter optical flow field" in header

@@ -35,7 +35,7 @@ from sixflow import convention
 from sixflow.errors import InputError
 from sixflow.field.dataset import SIX
 from sixflow.field.interval import elapsed
-from sixflow.field.selection import reference_of, require_variable
+from sixflow.field.selection import reference_of, require_variable, whole_flags
 
 Array = NDArray[Any]
 
@@ -187,6 +187,8 @@ def derived_error(field: xr.Dataset, name: str) -> xr.DataArray:
         As `derive`, and if the field has no covariance.
     """
     covariance = require_variable(field, "covariance").transpose(..., "param", "param2")
+    if "flag" in field:
+        whole_flags(field)  # where they are averages, so is the covariance, and is none of the mean
     if name in SIX:
         k = SIX.index(name)
         variance = covariance.isel(param=k, param2=k, drop=True)

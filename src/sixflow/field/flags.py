@@ -14,6 +14,7 @@ FLAGS = {
     "replaced": 1024,
     "repeated": 2048,
     "bad_frame": 4096,
+    "missing": 8192,
 }
 """Meaning of each bit of `flag`.
 
@@ -27,7 +28,8 @@ edge, or a neighbour's motion fits the pixels beside the point better. unresolve
 than the window resolves; the value stands, and is wrong by more than its covariance. forward_backward: the motion
 measured back does not return to the point. replaced: the value is not measured but predicted by the neighbours; the
 bits that say why stand beside it. repeated: the two frames are the same to the last bit, which is a copy and no
-measurement of no motion. bad_frame: one of the frames cannot be read or used.
+measurement of no motion. bad_frame: one of the frames cannot be read or used. missing: the point was
+never written, or is no longer in the store that the field was read from.
 """
 
 STANDING = FLAGS["border"] | FLAGS["unresolved"] | FLAGS["replaced"]

@@ -144,18 +144,53 @@ def flagged(field: xr.Dataset, name: str) -> xr.DataArray:
     """
     if name not in FLAGS:
         raise InputError(f"flag {name!r}: there is no such flag; there are {', '.join(FLAGS)}")
-    found = (require_variable(field, "flag").astype(np.int64) & FLAGS[name]) != 0
+    found = (whole_flags(field) & FLAGS[name]) != 0
     return found.rename(name).assign_attrs(long_name=f"points flagged {name}")
 
 
+def whole_flags(field: xr.Dataset) -> xr.DataArray:
+    """Return the flags as whole numbers.
+
+    Raises
+    ------
+    InputError
+        If there are none, or they have been averaged, added or filled, by which they became fractions or larger
+        numbers: the bits are lost, and the covariance is none of what the numbers are now.
+    """
+    flag = require_variable(field, "flag")
+    if flag.dtype.kind not in "iu" or (flag.dtype.kind == "u" and flag.dtype.itemsize > 2):
+        raise InputError(
+            f"the flags of the field are numbers of type {flag.dtype}: bits that were averaged, added or interpolated, "
+            "or filled where there were none. Average by field.sixflow.mean('time'); keep the flags of a selection by "
+            "field.where(condition).assign(flag=field.flag)"
+        )
+    return flag.astype(np.int64)
+
+
 def valid(field: xr.Dataset) -> xr.DataArray:
-    """Return where all six numbers stand: none is NaN and no failing flag is set, bool."""
+    """Return where all six numbers stand: none is NaN, each has a variance, and no failing flag is set; bool.
+
+    Raises
+    ------
+    InputError
+        If the flags are no flags any more (`whole_flags`).
+    """
     known = xr.ones_like(field["u"], dtype=bool)
     for name in SIX:
         known = known & field[name].notnull()
     if "flag" in field:
-        known = known & ((field["flag"].astype(np.int64) & FAILING) == 0)
+        known = known & ((whole_flags(field) & FAILING) == 0)
+    if {"param", "param2"} <= set(getattr(field.get("covariance"), "dims", ())):
+        known = known & _has_variances(field["covariance"])
     return known.rename("valid").assign_attrs(long_name="points with six measured numbers")
+
+
+def _has_variances(covariance: xr.DataArray) -> xr.DataArray:
+    """Whether all numbers on the diagonal are finite."""
+    last = covariance.variable.transpose(..., "param", "param2")
+    variances = np.diagonal(last.values, axis1=-2, axis2=-1)
+    grid = covariance.isel(param=0, param2=0, drop=True).transpose(*last.dims[:-2])
+    return grid.copy(data=np.isfinite(variances).all(axis=-1))
 
 
 def masked_and_failed(pair: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

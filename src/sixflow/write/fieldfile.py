@@ -4,19 +4,28 @@ from __future__ import annotations
 
 import importlib
 import os
+import stat
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeAlias, cast
 
 import xarray as xr
 
-from sixflow.errors import FieldFileError
-from sixflow.write.layout import batches, checked_field, in_order
+from sixflow.errors import FieldFileError, InputError
+from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
+from sixflow.field.dataset import SIX
+from sixflow.values import shown
+from sixflow.write.guarded import damage_told, guarded
+from sixflow.write.layout import batches, checked_field, in_order, incomplete_coordinates
+from sixflow.write.lock import locked
 from sixflow.write.target import SUFFIXES, check_output, is_zarr, staged
 
 Writer: TypeAlias = Callable[[Path, Iterator[xr.Dataset]], None]
 
 _MODULES = {".nc": "netcdf", ".zarr": "zarrstore", ".csv": "table"}
+
+_KINDS = dict.fromkeys((*SIX, "covariance", "residual", "noise", "resolution", "flag", "x", "y"), "iuf")
+"""Kinds of NumPy's types that the variables have."""
 
 _PAIRS = 64
 """Pairs of frames that are held in memory at a time when a field is copied from a file."""
@@ -43,10 +52,10 @@ def write_field(field: xr.Dataset, path: str | os.PathLike[str], overwrite: bool
     Raises
     ------
     FieldFileError
-        If the output exists and `overwrite` is False, the suffix is unknown, the folder is missing, or the
-        disk refuses.
+        If the output exists and `overwrite` is False, the suffix is unknown, the folder is missing, somebody
+        else is writing the output, or the disk refuses.
     InputError
-        If `field` is no field.
+        If `field` is no field, or an average of fields, whose flags are none any more (`field.sixflow.mean`).
 
     Examples
     --------
@@ -59,7 +68,8 @@ def write_field(field: xr.Dataset, path: str | os.PathLike[str], overwrite: bool
     """
     field = checked_field(field)
     target = check_output(path, overwrite)
-    save(batches(field, _PAIRS), target, overwrite)
+    with locked(target):
+        save(batches(field, _PAIRS), target, overwrite)
     return target
 
 
@@ -79,8 +89,9 @@ def save(parts: Iterator[xr.Dataset], target: Path, overwrite: bool) -> None:
 def open_field(path: str | os.PathLike[str]) -> xr.Dataset:
     """Read a field back from a ``.nc`` or ``.zarr`` file.
 
-    The values are loaded when they are used, so that a recording larger than the memory can be opened. Use
-    the result in a ``with`` statement, or call its ``close``, to release the file.
+    The values are loaded when they are used, so that a recording larger than the memory can be opened. Damage that
+    is found only then is told by a `FieldFileError` too. Points whose part of the file is missing are flagged
+    `missing`. Use the result in a ``with`` statement, or call its ``close``, to release the file.
 
     Parameters
     ----------
@@ -107,29 +118,63 @@ def open_field(path: str | os.PathLike[str]) -> xr.Dataset:
     ...         field.equals(back)
     True
     """
-    path = Path(path).expanduser()
-    _check_input(path)
-    try:
+    path = _checked_input(path)
+    with damage_told(path):
         if path.is_dir():
             from sixflow.write import zarrstore
 
             field = zarrstore.read(path)
         else:
-            field = xr.open_dataset(path, engine="h5netcdf")
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
-        raise FieldFileError(
-            f"{path}: cannot be read as a field ({error}); it is damaged or was not written by sixflow"
-        ) from error
-    if not any({"y", "x"} <= set(variable.dims) for variable in field.data_vars.values()):
-        field.close()
-        raise FieldFileError(f"{path}: holds no field: no variable has the dimensions y and x")
-    plain = in_order(field).drop_encoding()
+            from sixflow.write import netcdf
+
+            field = netcdf.read(path)
+        try:
+            _check_content(field, path)
+            plain = in_order(guarded(field, path)).drop_encoding()
+        except BaseException:
+            field.close()
+            raise
     plain.set_close(field.close)
     return plain
 
 
-def _check_input(path: Path) -> None:
-    if not path.exists():
+def _check_content(field: xr.Dataset, path: Path) -> None:
+    if not any({"y", "x"} <= set(variable.dims) for variable in field.data_vars.values()):
+        raise FieldFileError(f"{path}: holds no field: no variable has the dimensions y and x")
+    for name, kinds in _KINDS.items():
+        if name in field.variables and field[name].dtype.kind not in kinds:
+            raise FieldFileError(
+                f"{path}: {name} holds {field[name].dtype} where sixflow writes numbers; the file is damaged, "
+                "or was not written by sixflow"
+            )
+    incomplete = incomplete_coordinates(field)
+    if incomplete:
+        raise FieldFileError(
+            f"{path}: a part of {', '.join(incomplete)} is missing, so its points have no place; "
+            "the file is damaged: copy it again, or measure again"
+        )
+
+
+def _checked_input(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a file or store that is there.
+
+    Raises
+    ------
+    FieldFileError
+        If it is not, or is nothing to read a field from.
+    """
+    try:
+        path = Path(path).expanduser()
+        mode = path.stat().st_mode if path.exists() else None
+    except TypeError as error:
+        raise InputError(f"path={shown(path)}: must be the path of a field file") from error
+    except (
+        OSError,
+        RuntimeError,
+        ValueError,
+    ) as error:  # no permission; no such user; no characters of a name
+        raise FieldFileError(f"{shown(path)}: cannot be read ({error}); check the path") from error
+    if mode is None:
         partial = path.with_name(path.name + ".partial")
         hint = (
             f"; {partial} holds an unfinished recording, continue it with --resume"
@@ -137,9 +182,12 @@ def _check_input(path: Path) -> None:
             else ""
         )
         raise FieldFileError(f"{path}: no such file{hint or '; check the path'}")
+    if not (stat.S_ISDIR(mode) or stat.S_ISREG(mode)):
+        raise FieldFileError(f"{path}: neither a file nor a folder; give a {' or '.join(SUFFIXES[:2])} file")
     if path.suffix.lower() == ".csv":
         raise FieldFileError(
             f"{path}: a table has no covariances and is not read back; write the field as .nc or .zarr too"
         )
     if path.is_dir() and not is_zarr(path):
         raise FieldFileError(f"{path}: a folder, but no Zarr store; give a {' or '.join(SUFFIXES[:2])} file")
+    return path

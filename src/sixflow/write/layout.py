@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from sixflow.errors import InputError
-from sixflow.field.dataset import SIX
+from sixflow.field.dataset import FAILING, FLAGS, SIX
+from sixflow.field.selection import whole_flags
 
 
 def checked_field(field: xr.Dataset) -> xr.Dataset:
@@ -17,7 +20,7 @@ def checked_field(field: xr.Dataset) -> xr.Dataset:
     Raises
     ------
     InputError
-        If it is no dataset, or holds no variable over rows and columns.
+        If it is no dataset, holds no variable over rows and columns, or flags that are none any more.
     """
     if not isinstance(field, xr.Dataset):
         raise InputError(f"field: a {type(field).__name__}; give the xarray.Dataset of a measurement")
@@ -26,7 +29,42 @@ def checked_field(field: xr.Dataset) -> xr.Dataset:
             f"field: no variable has the dimensions y and x, "
             f"only {', '.join(map(str, field.dims)) or 'none'}; give the dataset of a measurement"
         )
+    if "flag" in field:
+        whole_flags(field)
     return field.drop_encoding()
+
+
+def fill_value(name: str, variable: xr.Variable) -> Any:
+    """Return what stands where a store has no value: NaN, failing flags, or a number that no coordinate has.
+
+    A chunk that is missing so reads as points that failed, never as numbers. None for text.
+
+    Examples
+    --------
+    >>> fill_value("u", xr.Variable("x", np.zeros(2, "f4")))
+    np.float32(nan)
+    """
+    kind, dtype = variable.dtype.kind, variable.dtype
+    if kind == "f":
+        return dtype.type(np.nan)
+    if kind not in "iu":
+        return None
+    most = np.iinfo(dtype).max
+    if name == "flag":
+        return dtype.type(FLAGS["missing"] if most >= FLAGS["missing"] else FAILING & most)
+    if name == "body":
+        return dtype.type(0)
+    return dtype.type(most if kind == "u" else np.iinfo(dtype).min)
+
+
+def incomplete_coordinates(field: xr.Dataset) -> list[str]:
+    """Return the coordinates of whole numbers or text of which a part was never written, or is missing."""
+    found = []
+    for name, coordinate in field.coords.items():
+        fill = "" if coordinate.dtype.kind in "UOT" else fill_value(str(name), coordinate.variable)
+        if coordinate.dtype.kind in "iuUOT" and coordinate.dims and bool((coordinate.values == fill).any()):
+            found.append(str(name))
+    return found
 
 
 def in_order(field: xr.Dataset) -> xr.Dataset:

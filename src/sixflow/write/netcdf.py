@@ -1,5 +1,9 @@
 """NetCDF-4 files, by h5netcdf, that MATLAB, ParaView and all that is built on the netCDF library can read.
 
+Where a chunk was never written, the library gives its fill value: NaN, or flags that fail. That of whole numbers is no
+attribute `_FillValue`, which would have readers turn them into floating-point numbers. Every chunk has a checksum
+(Fletcher32).
+
 Names (`param`) are arrays of characters and attributes are text of fixed length, which is what those programs
 expect; variable-length strings of HDF5 would stop ParaView from opening the file.
 """
@@ -13,7 +17,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from sixflow.write.layout import chunk_shape
+from sixflow.write.guarded import quiet
+from sixflow.write.layout import chunk_shape, fill_value
 
 _CHUNK_BYTES = 2**20
 """Bytes per chunk: what the HDF5 library keeps in memory at a time."""
@@ -28,11 +33,11 @@ def write(path: Path, parts: Iterator[xr.Dataset]) -> None:
         mode="w",
         format="NETCDF4",
         engine="h5netcdf",
-        encoding={str(name): _encoding(variable) for name, variable in first.variables.items()},
+        encoding={str(name): _encoding(str(name), variable) for name, variable in first.variables.items()},
         unlimited_dims=["time"] if "time" in first.dims else [],
     )
     _extend(path, parts, first.sizes.get("time", 0))
-    _fix_text(path)
+    _fix_attributes(path)
 
 
 def _plain(attrs: dict[str, Any]) -> dict[str, Any]:
@@ -42,13 +47,14 @@ def _plain(attrs: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _encoding(variable: xr.Variable) -> dict[str, Any]:
+def _encoding(name: str, variable: xr.Variable) -> dict[str, Any]:
     if variable.dtype.kind in "UT":
         return {"dtype": "S1"}
     encoding: dict[str, Any] = {}
-    if variable.dtype.kind == "f":
-        encoding["_FillValue"] = np.array(np.nan, variable.dtype) if variable.ndim > 1 else None
-    if variable.ndim > 1 and variable.dtype.kind in "iufb":
+    if variable.dtype.kind in "iuf" and variable.ndim:
+        encoding |= {"_FillValue": fill_value(name, variable), "fletcher32": True}
+        encoding["chunksizes"] = tuple(max(1, size) for size in variable.shape)
+    if variable.ndim > 1 and variable.dtype.kind in "iuf":
         chunks = chunk_shape(variable, _pairs(variable), _CHUNK_BYTES)
         encoding |= {"zlib": True, "complevel": 1, "shuffle": True, "chunksizes": chunks}
     elif "time" in variable.dims and variable.dtype.kind in "iuf":
@@ -73,8 +79,10 @@ def _extend(path: Path, parts: Iterator[xr.Dataset], count: int) -> None:
             count = end
 
 
-def _fix_text(path: Path) -> None:
-    """Turn attributes of variable-length text into text of fixed length, as the netCDF library writes it."""
+def _fix_attributes(path: Path) -> None:
+    """Turn attributes of variable-length text into text of fixed length, as the netCDF library writes it; leave the
+    fill value of coordinates and whole numbers to HDF5.
+    """
     import h5py
 
     with h5py.File(path, "r+") as file:
@@ -84,3 +92,12 @@ def _fix_text(path: Path) -> None:
                 if isinstance(value, str) and value:
                     text = value.encode()
                     item.attrs.create(name, text, dtype=h5py.string_dtype("utf-8", len(text)))
+        for item in file.values():
+            if "_FillValue" in item.attrs and (item.dtype.kind != "f" or item.ndim == 1):
+                del item.attrs["_FillValue"]
+
+
+def read(path: Path) -> xr.Dataset:
+    """Return the field in a file, to be loaded when it is used."""
+    with quiet():
+        return xr.open_dataset(path, engine="h5netcdf", cache=False)

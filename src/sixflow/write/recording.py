@@ -8,6 +8,7 @@ output is copied from it, batch by batch.
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -19,11 +20,18 @@ import xarray as xr
 
 from sixflow.errors import FieldFileError, InputError
 from sixflow.field.provenance import joined_attrs, said_of_pairs
+from sixflow.frames.digests import FrameDigests
+from sixflow.values import is_whole, shown
 from sixflow.write import zarrstore
 from sixflow.write.fieldfile import save
+from sixflow.write.guarded import damage_told, guarded
 from sixflow.write.layout import batches, checked_field, in_order
+from sixflow.write.lock import locked
 from sixflow.write.progress import Progress
 from sixflow.write.target import check_output, disk_errors, publish, remove
+
+MOST_PAIRS = 2**20
+"""Most pairs per chunk."""
 
 
 class RecordingWriter:
@@ -50,10 +58,16 @@ class RecordingWriter:
     Raises
     ------
     FieldFileError
-        On entry, if the output cannot be written (`check_output`), if an unfinished recording is in the
-        way, or if it belongs to other settings or other frames.
+        On entry, if the output cannot be written (`check_output`), if somebody else is writing it, if an
+        unfinished recording is in the way, or if it belongs to other settings or other frames.
     InputError
         If a field has another grid or other variables than the first.
+
+    Attributes
+    ----------
+    frames : FrameDigests
+        Of the frames that the complete pairs are of, where `iterate_sequence` is given this to fill and to compare
+        with: a recording whose frames have changed since is not resumed.
 
     Examples
     --------
@@ -79,8 +93,10 @@ class RecordingWriter:
         identity: Mapping[str, str] | None = None,
         batch: int = 16,
     ) -> None:
-        if isinstance(batch, bool) or not isinstance(batch, int) or batch < 1:
-            raise InputError(f"batch={batch!r}: must be a whole number of pairs, at least 1")
+        if not is_whole(batch, 1, MOST_PAIRS):
+            raise InputError(
+                f"batch={shown(batch)}: must be a whole number of pairs, at least 1 and at most {MOST_PAIRS}"
+            )
         self.path = Path(path).expanduser()
         self.partial = self.path.with_name(self.path.name + ".partial")
         self._store = self.partial / "field.zarr"
@@ -88,6 +104,9 @@ class RecordingWriter:
         self._overwrite, self._resume = overwrite, resume
         self._pending: list[xr.Dataset] = []
         self._template: xr.Dataset | None = None
+        self._lock = contextlib.ExitStack()
+        self.frames = FrameDigests()
+        self._logged_frames = 0
 
     @property
     def done(self) -> int:
@@ -96,6 +115,14 @@ class RecordingWriter:
 
     def __enter__(self) -> Self:
         check_output(self.path, self._overwrite)
+        with contextlib.ExitStack() as lock:
+            lock.enter_context(locked(self.path))
+            self._begin()
+            self._lock = lock.pop_all()
+        return self
+
+    def _begin(self) -> None:
+        check_output(self.path, self._overwrite)  # another writer may have come before the lock
         if self.partial.exists():
             if self._resume and self._progress.exists:
                 self._continue()
@@ -106,7 +133,6 @@ class RecordingWriter:
                     f"{self.partial}: an unfinished recording; continue it with resume=True (--resume), "
                     "or discard it with overwrite=True (--overwrite)"
                 )
-        return self
 
     def _continue(self) -> None:
         identity = self._progress.identity
@@ -114,17 +140,24 @@ class RecordingWriter:
             self._progress.load()
             zarrstore.cut(self._store, self.done)
             self._template = zarrstore.read(self._store)
-        except (OSError, ValueError, KeyError) as error:
+            if self._template.sizes["time"] != self.done:
+                raise ValueError(f"{self._template.sizes['time']} of {self.done} pairs are there")
+        except Exception as error:  # whatever damage leads to
             raise FieldFileError(
                 f"{self.partial}: the unfinished recording cannot be read ({error}); "
                 "discard it with overwrite=True (--overwrite)"
             ) from error
         if identity:
             self._compare(identity, self._progress.identity)
+        self.frames = FrameDigests(self._progress.frames)
+        self._logged_frames = len(self.frames.known)
 
     def stored(self) -> xr.Dataset | None:
         """The pairs that are already safe, to be read as they are needed; None if there are none."""
-        return zarrstore.read(self._store) if self.done else None
+        if not self.done:
+            return None
+        with damage_told(self.partial):
+            return guarded(zarrstore.read(self._store), self.partial)
 
     def append(self, field: xr.Dataset) -> None:
         """Add the field of the next pair or pairs, dims (time, y, x, ...), on the same grid as the first.
@@ -145,7 +178,9 @@ class RecordingWriter:
             self._template = field.isel(time=slice(0))
         _check_alike(field, self._template)
         self._compare(_settings(field), _settings(self._template))
-        self._progress.add(field.sizes["time"], said_of_pairs(field.attrs))
+        new = self.frames.known[self._logged_frames :]
+        self._progress.add(field.sizes["time"], said_of_pairs(field.attrs), new)
+        self._logged_frames += len(new)
         self._pending.append(field)
         batch, waiting = self._progress.batch, sum(part.sizes["time"] for part in self._pending)
         if waiting >= batch:
@@ -176,15 +211,16 @@ class RecordingWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if error is not None:
-            self._keep(error)
-            return
-        try:
-            with disk_errors(self.path):
-                self._finish()
-        except BaseException as problem:  # an interruption too leaves what is complete
-            self._keep(problem)
-            raise
+        with self._lock:
+            if error is not None:
+                self._keep(error)
+                return
+            try:
+                with disk_errors(self.path):
+                    self._finish()
+            except BaseException as problem:  # an interruption too leaves what is complete
+                self._keep(problem)
+                raise
 
     def _keep(self, error: BaseException) -> None:
         """Leave what is complete for resuming, and say so in the error."""
@@ -201,7 +237,11 @@ class RecordingWriter:
             self._pending = []
         if not self.done:
             raise FieldFileError(f"{self.path}: nothing was appended, so nothing is written")
-        zarrstore.describe(self._store, joined_attrs(self._progress.said))
+        said = self._progress.said
+        joined = joined_attrs(said)
+        disputed = {name for one in said for name in one} - set(joined)
+        with damage_told(self.partial):
+            zarrstore.describe(self._store, joined, disputed)
         if self.path.suffix.lower() == ".zarr":
             zarrstore.seal(self._store)
             publish(self._store, self.path, self._overwrite)
@@ -210,8 +250,9 @@ class RecordingWriter:
         remove(self.partial)
 
     def _stored(self) -> Iterator[xr.Dataset]:
-        with zarrstore.read(self._store) as field:
-            yield from batches(in_order(field).drop_encoding(), self._progress.batch)
+        with damage_told(self.partial), zarrstore.read(self._store) as field:
+            whole = guarded(in_order(field), self.partial).drop_encoding()
+            yield from batches(whole, self._progress.batch)
 
 
 def _settings(field: xr.Dataset) -> dict[str, Any]:

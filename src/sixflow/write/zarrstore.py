@@ -1,22 +1,22 @@
 """Zarr v3 stores, which grow along time by whole chunks.
 
 A store under construction has no consolidated metadata; `seal` adds it, so that readers find everything in
-one file.
+one file. Where a chunk is missing, readers see its fill value: NaN, or flags that fail. Every chunk has a checksum.
 """
 
 from __future__ import annotations
 
-import contextlib
-import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 import zarr
+from zarr.codecs import ZstdCodec
 
-from sixflow.write.layout import chunk_shape
+from sixflow.write.guarded import quiet
+from sixflow.write.layout import chunk_shape, fill_value
 
 _CHUNK_BYTES = 2**24
 
@@ -35,16 +35,20 @@ def write(path: Path, parts: Iterator[xr.Dataset]) -> None:
 def create(path: Path, field: xr.Dataset, time_chunk: int) -> None:
     """Write a new store with the first pairs; chunks hold at most `time_chunk` pairs."""
     texts = {name: value.astype(object) for name, value in field.variables.items() if value.dtype.kind == "U"}
-    encoding = {str(name): _encoding(variable, time_chunk) for name, variable in field.variables.items()}
-    with _quiet():
+    encoding = {
+        str(name): _encoding(str(name), variable, time_chunk) for name, variable in field.variables.items()
+    }
+    with quiet():
         field.assign(texts).to_zarr(path, mode="w", zarr_format=3, consolidated=False, encoding=encoding)
 
 
-def _encoding(variable: xr.Variable, time_chunk: int) -> dict[str, Any]:
+def _encoding(name: str, variable: xr.Variable, time_chunk: int) -> dict[str, Any]:
+    encoding: dict[str, Any] = {"compressors": (ZstdCodec(checksum=True),)}
     if variable.dtype.kind not in "iufb" or variable.ndim == 0:
-        return {}
+        return encoding
     chunks = chunk_shape(variable, time_chunk if variable.ndim > 1 else 1024, _CHUNK_BYTES)
-    return {"chunks": chunks} | ({"_FillValue": None} if variable.dtype.kind == "f" else {})
+    encoding |= {"chunks": chunks, "fill_value": fill_value(name, variable)}
+    return encoding | ({"_FillValue": None} if variable.dtype.kind == "f" else {})
 
 
 def extend(path: Path, field: xr.Dataset, count: int) -> None:
@@ -69,20 +73,22 @@ def cut(path: Path, count: int) -> None:
             array.resize((count, *array.shape[1:]))
 
 
-def describe(path: Path, attrs: dict[str, str]) -> None:
-    """Change or add attributes of the whole field."""
-    zarr.open_group(path, mode="r+").attrs.update(attrs)
+def describe(path: Path, attrs: Mapping[str, Any], without: Iterable[str] = ()) -> None:
+    """Change or add attributes of the whole field, and take some away."""
+    group = zarr.open_group(path, mode="r+")
+    kept = {name: value for name, value in group.attrs.items() if name not in set(without)}
+    group.attrs.put(kept | dict(attrs))
 
 
 def seal(path: Path) -> None:
     """Gather the metadata of all arrays in one file."""
-    with _quiet():
+    with quiet():
         zarr.consolidate_metadata(path)
 
 
 def read(path: Path) -> xr.Dataset:
     """Return the field in a store, to be loaded when it is used."""
-    with _quiet():
+    with quiet():
         sealed = zarr.open_group(path, mode="r").metadata.consolidated_metadata is not None
         field = xr.open_zarr(path, chunks=None, consolidated=sealed)
     close = field.close
@@ -100,12 +106,3 @@ def _unicode(variable: xr.Variable) -> xr.Variable:
     """Return text of variable length as NumPy's ordinary type."""
     text = np.array([str(value) for value in variable.values.ravel()]).reshape(variable.shape)
     return xr.Variable(variable.dims, text, variable.attrs)
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Silence that strings and consolidated metadata are extensions of the Zarr v3 core."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*Zarr.* specification.*")
-        warnings.filterwarnings("ignore", message=".*Zarr format 3 specification.*")
-        yield
