@@ -1,8 +1,8 @@
 """Interval: the time between the two frames of each pair, by which every rate of a field is divided.
 
-A field carries it as its coordinate `interval` along time, in "s", or in "frame" where no time is known; NaN where frames
-may be missing between the two. What is selected, joined or stored takes it along. Where the coordinate has been dropped,
-the attribute `interval` tells it, if it is the same for all pairs of the field; otherwise rates are refused.
+A field carries it as its coordinate `interval` along time, in "s", or in "frame" where no time is known; NaN where
+frames may be missing between the two. What is selected, joined or stored takes it along. Where the coordinate has been
+dropped, the attribute `interval` tells it, if it is the same for all pairs of the field; otherwise rates are refused.
 
 Fields of version 0.1, and those made by hand, have neither: theirs is the stored frame interval times the number of
 frames from `frame0` to `frame1`, or that number of frames.
@@ -178,8 +178,8 @@ def _as_stated(text: str) -> Elapsed:
         return Elapsed(xr.DataArray(float(number)), unit)
     except ValueError:
         raise InputError(
-            "interval: the field has lost the times of its pairs, which are not all the same; select without drop=True, or "
-            "keep the coordinate 'interval'"
+            "interval: the field has lost the times of its pairs, which are not all the same; select without "
+            "drop=True, or keep the coordinate 'interval'"
         ) from None
 
 
@@ -200,6 +200,6 @@ def _require_agreement(
     if bool(apart.any()):
         value = float(known.values.values[np.asarray(apart)].ravel()[0])
         raise InputError(
-            f"frame_interval={frame_interval!r}: contradicts the times of the frames, by which a pair of the field spans "
-            f"{value:.6g} s; leave it out"
+            f"frame_interval={frame_interval!r}: contradicts the times of the frames, by which a pair of the field "
+            f"spans {value:.6g} s; leave it out"
         )

@@ -17,8 +17,8 @@ def said_of_pairs(attrs: Mapping[str, Any]) -> dict[str, str]:
 def joined_attrs(said: Sequence[Mapping[str, str]]) -> dict[str, str]:
     r"""Return the attributes of a recording from those of its fields, in their order.
 
-    The digest of several fields is the beginning of the SHA-256 of their digests; each note is kept once; the interval is
-    told if it is the same for all.
+    The digest of several fields is the beginning of the SHA-256 of their digests; each note is kept once; the interval
+    is told if it is the same for all.
 
     Examples
     --------

@@ -49,6 +49,9 @@ class FrameSource(abc.ABC):
     [0.0, 1.0]
     """
 
+    _one_type = True
+    """Whether frames of another type than the first are unlike it, as in files, or as good as any, as in memory."""
+
     def __init__(self) -> None:
         with contextlib.closing(self._raw(0)) as frames:
             found = next(frames, None)
@@ -162,7 +165,7 @@ class FrameSource(abc.ABC):
             grey, _ = to_grey(frame, name)
         except InputError as error:
             return BadFrame(name, error)
-        if grey.shape == self.shape and grey.dtype == self.dtype:
+        if grey.shape == self.shape and (grey.dtype == self.dtype or not self._one_type):
             return grey
         return BadFrame(
             name,
@@ -281,6 +284,8 @@ class FileSource(FrameSource):
 class ArraySource(FrameSource):
     """Frames in an array of shape (n, h, w[, c]), in anything indexed like one, or in a list of arrays."""
 
+    _one_type = False
+
     def __init__(self, frames: Any) -> None:
         shape = tuple(getattr(frames, "shape", ()))
         if shape and (len(shape) not in (3, 4) or (len(shape) == 3 and shape[2] <= 4 < shape[0])):
@@ -308,6 +313,8 @@ class ArraySource(FrameSource):
 
 class StreamSource(FrameSource):
     """Frames from an iterable of arrays, such as a generator or a camera; its length is unknown."""
+
+    _one_type = False
 
     def __init__(self, frames: Iterable[Any]) -> None:
         iterator = iter(frames)
