@@ -307,7 +307,8 @@ def _from_objects(values: NDArray[Any], name: str) -> tuple[Real, tuple[str, ...
 def _no_times(values: NDArray[Any], name: str) -> InputError:
     kinds = ", ".join(sorted({type(value).__name__ for value in values.tolist()}))
     return InputError(
-        f"{name}: holds {kinds}, such as {values[0]!r}; give seconds, or datetime64, timedelta64, one per frame"
+        f"{name}: holds {kinds}, such as {values.tolist()[0]!r}; give seconds, or datetime64 or timedelta64, one per "
+        "frame"
     )
 
 

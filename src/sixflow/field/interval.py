@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ from sixflow.times import AGREEMENT
 
 VARIES = "varies"
 """What the attribute `interval` says of pairs that do not all have the same."""
+
+_ROUNDING = 1e-9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,10 +68,10 @@ def elapsed(field: xr.Dataset) -> Elapsed:
         unit = field["interval"].attrs.get("units")
         if unit not in ("s", "frame"):
             raise InputError(f"coordinate interval: has the units {unit!r}; they must be 's' or 'frame'")
+        _require_own(field)
         return Elapsed(field["interval"], unit)
-    stated = field.attrs.get("interval")
-    if stated is not None:
-        return _as_stated(str(stated))
+    if "interval" in field.attrs or "pairs" in field.attrs:  # measured with times
+        return _as_stated(str(field.attrs.get("interval", VARIES)))
     apart = frames_apart(field)
     stored = stored_settings(field).get("frame_interval")
     if stored is None:
@@ -84,8 +87,24 @@ def statement(values: Any, unit: str) -> str:
     >>> statement([0.04, 0.04], "s"), statement([1, 2], "frame")
     ('0.04 s', 'varies')
     """
-    all_of_them = np.unique(np.asarray(values, dtype=np.float64))
-    return f"{float(all_of_them[0])!r} {unit}" if len(all_of_them) == 1 else VARIES
+    numbers = np.asarray(values, dtype=np.float64).ravel()
+    return common([f"{float(number)!r} {unit}" for number in numbers]) if numbers.size else VARIES
+
+
+def common(statements: Sequence[str]) -> str:
+    """What the attribute `interval` of several fields says of all of them together, rounding apart.
+
+    Examples
+    --------
+    >>> common(["0.1 s", "0.09999999999999998 s"]), common(["0.1 s", "0.1 frame"])
+    ('0.1 s', 'varies')
+    """
+    parts = [text.partition(" ") for text in dict.fromkeys(statements)]
+    if len({unit for _, _, unit in parts}) > 1 or VARIES in statements:
+        return VARIES
+    numbers = np.array([float(number) for number, _, _ in parts])
+    alike = np.allclose(numbers, numbers[0], rtol=_ROUNDING, atol=0, equal_nan=True)
+    return statements[0] if alike else VARIES
 
 
 def frames_apart(field: xr.Dataset) -> xr.DataArray:
@@ -170,6 +189,18 @@ def positive(name: str, value: Any) -> float:
 def with_settings(field: xr.Dataset, **changes: Any) -> xr.Dataset:
     """Return the field with some of its stored settings changed."""
     return field.assign_attrs(settings=json.dumps(stored_settings(field) | changes))
+
+
+def _require_own(field: xr.Dataset) -> None:
+    """Refuse the interval of one pair in the place of all: what joining single pairs with coords="minimal" leaves."""
+    several = field.sizes.get("time", 1) > 1
+    if several and not any(
+        "time" in field[name].dims for name in ("interval", "time1") if name in field.variables
+    ):
+        raise InputError(
+            "coordinate interval: the pairs of the field have one for all, as they have one time1; join single pairs "
+            'with xr.concat(…, coords="different")'
+        )
 
 
 def _as_stated(text: str) -> Elapsed:

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sixflow.field.interval import VARIES
+from sixflow.field.interval import common
 
 
 def said_of_pairs(attrs: Mapping[str, Any]) -> dict[str, str]:
@@ -34,7 +34,7 @@ def joined_attrs(said: Sequence[Mapping[str, str]]) -> dict[str, str]:
         joined["notes"] = "\n".join(
             dict.fromkeys(note for one in said for note in one.get("notes", "").splitlines())
         )
-    intervals = {one["interval"] for one in said if "interval" in one}
+    intervals = [one["interval"] for one in said if "interval" in one]
     if intervals:
-        joined["interval"] = intervals.pop() if len(intervals) == 1 else VARIES
+        joined["interval"] = common(intervals)
     return joined

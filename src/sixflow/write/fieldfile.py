@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeAlias, cast
 
+import numpy as np
 import xarray as xr
 
 from sixflow.errors import FieldFileError
@@ -124,6 +125,8 @@ def open_field(path: str | os.PathLike[str]) -> xr.Dataset:
         field.close()
         raise FieldFileError(f"{path}: holds no field: no variable has the dimensions y and x")
     plain = in_order(field).drop_encoding()
+    texts = [name for name, value in plain.coords.items() if value.dtype.kind == "O"]
+    plain = plain.assign_coords({name: plain[name].astype(np.str_) for name in texts})
     plain.set_close(field.close)
     return plain
 
