@@ -56,6 +56,9 @@ def test_frames_smaller_than_the_window(shape):
     frame = render(Speckle(), shape)
     with pytest.raises(InputError) as caught:
         measure(frame, frame + 1)
+    if shape == (1, 1):
+        assert "frame0 is constant" in str(caught.value)
+        return
     for part in ("frame0", str(shape), "window=31", "smaller"):
         assert part in str(caught.value)
 
@@ -63,7 +66,7 @@ def test_frames_smaller_than_the_window(shape):
 @pytest.mark.parametrize("shape", [(31, 31), (31, 90), (5, 5), (5, 6), (8, 200)])
 def test_frames_just_as_large_as_the_window(shape):
     frame = render(Speckle(sigma=1.2), shape)
-    field = measure(frame, frame, window=min(31, *shape), step=3)
+    field = measure(frame, frame * (1 + 1e-7), window=min(31, *shape), step=3)
     kept = ~measured.failed(field)
     assert kept.any()
     np.testing.assert_allclose(measured.six_of(field)[kept], 0, atol=1e-4)
@@ -123,25 +126,27 @@ def test_settings_that_cannot_be_used(options):
 
 @pytest.mark.parametrize("frames", [[], [GOOD], iter([]), iter([GOOD]), GOOD[None]])
 def test_fewer_than_two_frames(frames):
-    with pytest.raises(InputError, match=r"frames: [01] given; a motion needs at least two"):
+    with pytest.raises(
+        InputError, match=r"frames: [01] given; a motion needs at least two|no frames; give at least two"
+    ):
         measure_sequence(frames)
 
 
 def test_frames_of_a_recording_are_named_by_number():
-    with pytest.raises(InputError, match=r"frame 2 has shape \(60, 72\)"):
-        measure_sequence([GOOD, GOOD, GOOD[:60]])
+    with pytest.raises(InputError, match="frame 2 has 72×60 px"):
+        measure_sequence([GOOD, GOOD + 1, GOOD[:60]], strict=True)
     with pytest.raises(InputError, match="frame 1 is constant"):
-        measure_sequence([GOOD, np.zeros_like(GOOD)])
+        measure_sequence([GOOD, np.zeros_like(GOOD)], strict=True)
 
 
 @pytest.mark.parametrize("pairs", ["all", "", None, 1])
 def test_unknown_pairs(pairs):
-    with pytest.raises(InputError, match=r"pairs=.*'consecutive', 'first'"):
+    with pytest.raises(InputError, match=r"pairs=.*'consecutive', 'double', 'first'"):
         measure_sequence([GOOD, GOOD], pairs=pairs)
 
 
 def test_too_few_times():
-    with pytest.raises(InputError, match=r"times has 1 values, but there is a frame 1"):
+    with pytest.raises(InputError, match=r"times has 1 values for 3 frames"):
         measure_sequence([GOOD] * 3, times=[0.0])
 
 

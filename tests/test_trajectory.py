@@ -244,7 +244,7 @@ def test_a_large_total_motion_is_followed():
         ({"pairs": "incremental", "update": 3}, "update=3: goes with pairs='first' only"),
         ({"pairs": "incremental", "reference": "middle"}, "reference='middle': steps are joined"),
         ({"pairs": "first", "update": "lost", "reference": "second"}, "reference='second': steps are joined"),
-        ({"pairs": "last"}, "pairs='last': must be one of 'consecutive', 'first', 'incremental'"),
+        ({"pairs": "last"}, "pairs='last': must be one of 'consecutive', 'double', 'first', 'incremental'"),
     ],
 )
 def test_what_does_not_go_together(options, said):

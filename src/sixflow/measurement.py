@@ -123,8 +123,8 @@ def measure_sequence(
     Parameters
     ----------
     frames : iterable of array_like, shape (height, width), or array, shape (n, height, width)
-        Whatever `open_frames` takes: a generator, a list, an array, a path, or a `FrameSource`. Frames are taken one at a
-        time.
+        Whatever `open_frames` takes: a generator, a list, an array, a path, or a `FrameSource`. Frames are taken one
+        at a time.
     pairs : {"consecutive", "double", "first", "incremental"}
         Each frame against the next; frame 0 against 1, 2 against 3 …, as double-frame cameras record; the motion from
         the first frame to each later one, measured directly, each starting from the result before; or the same, joined
@@ -155,10 +155,11 @@ def measure_sequence(
     Returns
     -------
     xarray.Dataset
-        As from `measure`, one time per pair: the time at which its points lie (of its moved frame if pairs is "first" or
-        "incremental"). `time0` and `time1` are the times of its frames, `interval` what passed between them, which
-        rates are divided by; NaN where frames may be missing. Where motions are joined, also `moved_covariance`, the part of the covariance that is from
-        the moved frame's noise, and `measured_from`, the frame that the moved one was compared with.
+        As from `measure`, one time per pair: the time at which its points lie (of its moved frame if pairs is "first"
+        or "incremental"). `time0` and `time1` are the times of its frames, `interval` what passed between them, which
+        rates are divided by; NaN where frames may be missing. Where motions are joined, also `moved_covariance`, the
+        part of the covariance that is from the moved frame's noise, and `measured_from`, the frame that the moved one
+        was compared with.
 
     Raises
     ------
@@ -306,8 +307,8 @@ def _files(frame0: Any, frame1: Any, settings: Settings) -> Recording | None:
     source = open_frames([frame0, frame1])
     if source.count != 2:
         raise InputError(
-            f"frame0={str(frame0)!r}, frame1={str(frame1)!r}: hold {source.count} frames; a pair is two files of one each, "
-            "and measure_sequence(open_frames(…)) measures a recording"
+            f"frame0={str(frame0)!r}, frame1={str(frame1)!r}: hold {source.count} frames; a pair is two files of one "
+            "each, and measure_sequence(open_frames(…)) measures a recording"
         )
     return Recording(source, Schedule("consecutive"), None, settings)
 

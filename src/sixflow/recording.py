@@ -6,8 +6,8 @@
 | "double" | 2n and 2n + 1 |
 | "first", "incremental" | 0 and n + 1 |
 
-Frames are counted by their place among those at hand, 0 to n − 1; their *number* is that in the whole recording, of which
-they may be a selection.
+Frames are counted by their place among those at hand, 0 to n − 1; their *number* is that in the whole recording, of
+which they may be a selection.
 """
 
 from __future__ import annotations
@@ -159,8 +159,8 @@ class Recording:
         odd = None if doubles is None else doubles.unmatched()
         if odd is not None:
             raise InputError(
-                f"pairs='double': {names[odd]} and {names[odd + 1]} would be a pair, but their names say that they are not; "
-                "leave out the file whose partner is missing, or give the files as a list in the order of the pairs"
+                f"pairs='double': {names[odd]} and {names[odd + 1]} would be a pair, but their names say that they are "
+                "not; leave out the file whose partner is missing, or list the files in the order of the pairs"
             )
         count = self.source.count
         if count is None or count % 2 == 0 or count < 2:

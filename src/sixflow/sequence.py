@@ -38,6 +38,7 @@ from sixflow.placing import leaves
 from sixflow.recording import Recording
 from sixflow.session import Session
 from sixflow.trajectory import Motion, carried, joined
+from sixflow.unmeasured import Tried, try_frame, try_pair
 from sixflow.validate import fill_failed
 
 Update: TypeAlias = int | Literal["lost"] | None
@@ -162,7 +163,8 @@ class Follower:
                 self._resume_directly(self.stage, self.done)
             return None
         assert self.stage is not None
-        frame = self.session.attempt(raw, self.recording.name(place), bodies if self.masks.moving else None)
+        own = bodies if self.masks.moving else None
+        frame = try_frame(self.session, raw, self.recording.name(place), own)
         if self.done is not None and not isinstance(frame, BadFrame):
             if place == self.begins:
                 base = _stored_motion(self.done, place - 1)
@@ -184,8 +186,8 @@ class Follower:
             if not isinstance(raw, BadFrame) and not isinstance(error, BadFrameError):
                 raise
             raise BadFrameError(
-                f"{error}. All motions of pairs={self.recording.schedule.pairs!r} start from {name}: leave it out, with "
-                "open_frames(…, first=1) (--first 1)"
+                f"{error}. All motions of pairs={self.recording.schedule.pairs!r} start from {name}: leave it out, "
+                "with open_frames(…, first=1) (--first 1)"
             ) from error
 
     def _resume_directly(self, stage: Stage, done: xr.Dataset) -> None:
@@ -200,7 +202,7 @@ class Follower:
             return frame
         return dataclasses.replace(frame, bodies=carried(self.first.bodies, base, self.session.grid))
 
-    def _measured(self, place: int, frame: Prepared | BadFrame) -> PairResult:
+    def _measured(self, place: int, frame: Tried) -> PairResult:
         stage = self.stage
         assert stage is not None
         step = self._step(stage, place, frame)
@@ -236,9 +238,9 @@ class Follower:
         asked = stage.valid & ~leaves(places, grid, shape, "first", self.session.settings.window / 2)
         return bool(step.motion.valid[asked].mean() < LOST) if asked.any() else False
 
-    def _step(self, stage: Stage, place: int, frame: Prepared | BadFrame) -> PairResult:
+    def _step(self, stage: Stage, place: int, frame: Tried) -> PairResult:
         numbers = self.recording.number(stage.place), self.recording.number(place)
-        return self.session.measure_if_usable((stage.frame, frame), numbers, stage.frame.bodies, stage.start)
+        return try_pair(self.session, (stage.frame, frame), numbers, stage.frame.bodies, stage.start)
 
     def _joined(self, stage: Stage, step: PairResult, frame: Prepared | None) -> PairResult:
         """The result from frame 0, of one from the stage's frame; without a frame, of a pair that was passed over."""
@@ -275,14 +277,14 @@ def consecutive(
         If not a single frame can be used.
     """
     schedule = recording.schedule
-    held: dict[int, tuple[Prepared | BadFrame, Bodies | None]] = {}
+    held: dict[int, tuple[Tried, Bodies | None]] = {}
     waiting: list[int] = []  # frames that end pairs before the first good one, which gives the grid
     for place, raw in enumerate(recording.frames()):
         bodies, first = masks.at(place), schedule.first(place)
         wanted = place > schedule.end(skip) if first is not None else False
         # a frame that is in no wanted pair is read but not prepared; the first good one gives the grey constant
         if session.shape is None or wanted or schedule.begins(place, skip):
-            held[place] = session.attempt(raw, recording.name(place), bodies), bodies
+            held[place] = try_frame(session, raw, recording.name(place), bodies), bodies
         if wanted:
             waiting.append(place)
         if session.shape is not None:
@@ -299,7 +301,7 @@ def consecutive(
 def _pair(
     session: Session,
     recording: Recording,
-    held: dict[int, tuple[Prepared | BadFrame, Bodies | None]],
+    held: dict[int, tuple[Tried, Bodies | None]],
     place: int,
 ) -> tuple[tuple[int, int], PairResult]:
     """Measure the pair that a frame ends."""
@@ -307,7 +309,7 @@ def _pair(
     assert first is not None
     (reference, bodies), (moved, _) = held[first], held[place]
     numbers = recording.number(first), recording.number(place)
-    return (first, place), session.measure_if_usable((reference, moved), numbers, bodies)
+    return (first, place), try_pair(session, (reference, moved), numbers, bodies)
 
 
 def passed_over(flag: NDArray[Any]) -> bool:

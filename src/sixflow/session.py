@@ -21,10 +21,9 @@ from sixflow.copies import copied_pixels
 from sixflow.defects import without_defects
 from sixflow.engine.lowpass import lowpass_noise
 from sixflow.engine.threads import beside
-from sixflow.errors import BadFrameError, InputError, SixflowError
+from sixflow.errors import BadFrameError, InputError
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.floor import Floor, rounding_noise
-from sixflow.frames.bad import BadFrame
 from sixflow.grid import Grid
 from sixflow.interlacing import InterlacingCheck
 from sixflow.lighting import Change
@@ -50,7 +49,7 @@ from sixflow.search.guess import Guess, maps_of_guess
 from sixflow.search.pyramid import pyramid
 from sixflow.settings import Settings
 from sixflow.times import PairTimes
-from sixflow.unmeasured import unmeasured
+from sixflow.unmeasured import repeated
 from sixflow.workspace import Workspace
 
 FAILED = 0.5  # share of a body's points that have to fail near where it was, before it is sought in the whole frame
@@ -148,64 +147,6 @@ class Session:
             digest.result()
         return Prepared(frame, digest, mean, spread, notes, bodies, unlit)
 
-    def attempt(
-        self, raw: ArrayLike | BadFrame, name: str, bodies: Bodies | None = None
-    ) -> Prepared | BadFrame:
-        """Check and normalise one frame of a recording; a `BadFrame` if it cannot be used, unless `strict`."""
-        try:
-            if isinstance(raw, BadFrame):
-                raise raw.error
-            return self.prepare(raw, name, bodies)
-        except SixflowError as error:
-            if self.strict or not (isinstance(raw, BadFrame) or isinstance(error, BadFrameError)):
-                raise
-            return BadFrame(name, error)
-
-    def measure_if_usable(
-        self,
-        frames: tuple[Prepared | BadFrame, Prepared | BadFrame],
-        numbers: tuple[int, int],
-        bodies: Bodies | None,
-        start: Start | None = None,
-    ) -> PairResult:
-        """Measure a pair of a recording; where a frame of it cannot be used, all its points are flagged.
-
-        Parameters
-        ----------
-        frames : (Prepared or BadFrame, Prepared or BadFrame)
-        numbers : (int, int)
-            Of the two frames.
-        bodies : Bodies or None
-            Of the first frame's mask.
-        start : Start, optional
-            As for `measure_pair`.
-        """
-        reference, moved = frames
-        bad = next((frame for frame in frames if isinstance(frame, BadFrame)), None)
-        try:
-            if isinstance(reference, BadFrame) or isinstance(moved, BadFrame):
-                assert bad is not None
-                raise bad.error
-            return self.measure_pair(reference, moved, numbers, start)
-        except SixflowError as error:
-            if self.strict or not (bad is not None or isinstance(error, BadFrameError)):
-                raise
-            note = f"frames {numbers[0]} and {numbers[1]} were not measured: {error}"
-            return self._unmeasured(frames, bodies, numbers, "bad_frame", note)
-
-    def _unmeasured(
-        self,
-        frames: tuple[Prepared | BadFrame, Prepared | BadFrame],
-        bodies: Bodies | None,
-        numbers: tuple[int, int],
-        flag: str,
-        note: str,
-    ) -> PairResult:
-        return unmeasured(
-            frames, bodies, numbers, flag, note,
-            grid=self.grid, dtype=self.dtype, settings=self.asked, masks_move=self.masks_move,
-        )  # fmt: skip
-
     def _begin(self, first: NDArray[Any], name: str) -> None:
         """Take shape, grid and the grey constant from the first frame."""
         height, width = first.shape
@@ -233,10 +174,7 @@ class Session:
             What is known of the motion. The search is left out where refining it succeeds.
         """
         if same_content(reference, moved):
-            note = f"frames {numbers[0]} and {numbers[1]} are the same to the last bit: a copy, and no measurement of no motion"
-            if self.strict:
-                raise BadFrameError(f"{note}; leave one of them out")
-            return self._unmeasured((reference, moved), reference.bodies, numbers, "repeated", note)
+            return repeated(self, reference, moved, numbers)
         change, dead, blank = Change.between(reference, moved), 0, (0, 0)
         settings = change.settings(self.asked)
         reference, moved, copied = self._without_copies(reference, moved)

@@ -7,8 +7,8 @@
 | the time Δ between the two frames of a pair (pairs="double") | n_i, frame | Δ, s |
 | nothing | n_i, frame | n_j − n_i, frame |
 
-n_i is the number of the frame in the whole recording. Nothing is taken from a pair's neighbours. Where frames are missing
-between i and j, and no frame has a time of its own, the time in the pair is unknown: NaN.
+n_i is the number of the frame in the whole recording. Nothing is taken from a pair's neighbours. Where frames are
+missing between i and j, and no frame has a time of its own, the time in the pair is unknown: NaN.
 
 *Who is believed.* Times that a user gives count as they are, and may not contradict a frame interval that is given with
 them. A frame interval that is given counts before the time stamps of a file, and these before the frame interval that
@@ -227,8 +227,8 @@ def recorded_times(
     if frame_interval is not None:
         if stamps is not None and _contradiction(stamps, numbers, frame_interval, double) is not None:
             notes += (
-                f"the time stamps of the recording say {_typical(stamps)}; frame_interval={frame_interval:g} s, as given, "
-                "counts",
+                f"the time stamps of the recording say {_typical(stamps)}; frame_interval={frame_interval:g} s, as "
+                "given, counts",
             )
         return FrameTimes(stamps if double else None, frame_interval, double, notes=notes)
     if stamps is not None:
@@ -307,7 +307,8 @@ def _from_objects(values: NDArray[Any], name: str) -> tuple[Real, tuple[str, ...
 def _no_times(values: NDArray[Any], name: str) -> InputError:
     kinds = ", ".join(sorted({type(value).__name__ for value in values.tolist()}))
     return InputError(
-        f"{name}: holds {kinds}, such as {values[0]!r}; give seconds, or datetime64, timedelta64, one per frame"
+        f"{name}: holds {kinds}, such as {values.tolist()[0]!r}; give seconds, or datetime64 or timedelta64, one per "
+        "frame"
     )
 
 

@@ -53,6 +53,7 @@ EXAMPLES = {
   sixflow interpret field.nc --focal 800 --region 40,40,280,200 \\
       --heading 0,0,1 --frame-interval 0.04
   sixflow interpret field.zarr --focal 800 --time 12 --height 30
+  sixflow interpret field.zarr --focal 800 -o contact.csv
 """,
     "demo": """
   sixflow demo

@@ -131,4 +131,26 @@ def _pairs_and_frames(field: xr.Dataset) -> str:
     if "time" in field.coords:
         times, unit = field["time"].values.reshape(-1), field["time"].attrs.get("units", "")
         text += f", time {times[0]:.6g} to {times[-1]:.6g} {unit}" if times.size > 1 else ""
-    return text
+    return f"{text}, {_intervals(field)}"
+
+
+def _intervals(field: xr.Dataset) -> str:
+    """The time between the two frames of the pairs, in words."""
+    import numpy as np
+
+    from sixflow.errors import InputError
+    from sixflow.field.interval import elapsed
+
+    try:
+        known = elapsed(field)
+    except InputError:
+        return "times between frames lost"
+    values = np.atleast_1d(known.values.values)
+    finite = values[np.isfinite(values)]
+    if not finite.size:
+        return "times between frames unknown"
+    low, high = finite.min(), finite.max()
+    several = known.unit == "frame" and high > 1
+    text = f"{low:.6g}" if high - low <= 1e-6 * high else f"{low:.6g} to {high:.6g}"
+    text += f" {known.unit}{'s' * several} between the two frames of a pair"
+    return text + f" (unknown in {values.size - finite.size})" * (finite.size < values.size)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from cyclopts import Parameter
 
 from sixflow.cli.flags import Switch, Whole
+from sixflow.cli.interpret_table import checked, print_tables, write_csv
 from sixflow.errors import InputError
 
 if TYPE_CHECKING:
@@ -42,6 +43,9 @@ def interpret(
     coefficients: Literal["eight", "six"] = "eight",
     border: Switch = False,
     frame_interval: float | None = None,
+    every_pair: Annotated[Switch, Parameter(name="--all")] = False,
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    overwrite: Switch = False,
 ) -> None:
     """Tell time to contact, slant, heading and motion from a region of a field, with standard errors.
 
@@ -82,12 +86,17 @@ def interpret(
     border
         Use points whose window is cut by the border of the frame or mask, too.
     frame_interval
-        Time between the two frames, s, if the field does not know it.
+        Time between successive frames, s, if the field does not know it.
+    every_pair
+        All pairs, as tables with a row for each, instead of one.
+    output
+        Write the table of all pairs to a .csv file, instead of printing it.
+    overwrite
+        Replace that file if it exists.
     """
-    from rich.console import Console
-
     from sixflow.field.selection import require_field
     from sixflow.interpretation import interpret as interpret_field
+    from sixflow.interpretation import interpret_all
     from sixflow.write import open_field
 
     known = {"heading": _numbers("heading", heading, 3), "rotation": _numbers("rotation", rotation, 3)}
@@ -95,23 +104,38 @@ def interpret(
         _numbers(name, text, count)
         for name, text, count in (("centre", centre, 2), ("region", region, 4), ("point", point, 2))
     )
+    if (every_pair or output is not None) and time != 0:
+        raise InputError(f"--time {time}: goes without --all and --output, which take all pairs")
+    target = None if output is None else checked(output, overwrite)
     with open_field(field) as opened:
         shown = require_field(opened, str(field))
-        found = interpret_field(
-            shown,
-            _camera(shown, focal, middle),
-            limits,
-            point=place,
-            of=of,
-            plane=_ground(height, pitch, roll),
-            distance=distance,
-            length_unit=length_unit,
-            coefficients=coefficients,
-            time=time,
-            border=border,
-            frame_interval=frame_interval,
+        options: dict[str, Any] = {
+            "point": place,
+            "of": of,
+            "plane": _ground(height, pitch, roll),
+            "distance": distance,
+            "length_unit": length_unit,
+            "coefficients": coefficients,
+            "border": border,
+            "frame_interval": frame_interval,
             **known,
-        )
+        }
+        camera = _camera(shown, focal, middle)
+        if every_pair or target is not None:
+            table = interpret_all(shown, camera, limits, **options)
+            if target is None:
+                print_tables(table, str(field))
+            else:
+                write_csv(table, target, overwrite)
+            return
+        found = interpret_field(shown, camera, limits, time=time, **options)
+    _print(field, found)
+
+
+def _print(field: Path, found: tuple[Interpretation, ...]) -> None:
+    """Write what one pair says, and what is assumed."""
+    from rich.console import Console
+
     console = Console(highlight=False)
     print(_region_line(field, found[0]))
     for one in found:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import itertools
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from cyclopts import Parameter
 
 from sixflow.cli.errors import say
-from sixflow.cli.flags import Output, Switch, read_update
+from sixflow.cli.flags import Output, Switch, Whole, read_update
 from sixflow.cli.progress import announce_compilation, progress
 from sixflow.cli.selection_flags import SelectionFlags
 from sixflow.cli.settings_flags import SettingsFlags, gather_settings
@@ -26,9 +25,10 @@ if TYPE_CHECKING:
 
     from sixflow.cli.tally import Tally
     from sixflow.frames import FrameSource
+    from sixflow.recording import Schedule
     from sixflow.sequence import Update
 
-Pairs: TypeAlias = Literal["consecutive", "first", "incremental"]
+Pairs: TypeAlias = Literal["consecutive", "double", "first", "incremental"]
 UpdateFlag: TypeAlias = Annotated[
     int | Literal["lost"] | None, Parameter(converter=read_update, show_default=False)
 ]
@@ -47,7 +47,9 @@ def measure(
     mask: Path | None = None,
     bodies: Switch = False,
     pairs: Pairs = "consecutive",
+    lag: Whole = 1,
     update: UpdateFlag = None,
+    strict: Switch = False,
     overwrite: Switch = False,
     resume: Switch = False,
     plot: Path | None = None,
@@ -72,9 +74,14 @@ def measure(
     bodies
         The values of the mask are numbers of bodies, which are measured apart even where they touch.
     pairs
-        Each frame against the next; the first frame against each later one; or the latter by steps from frame to frame.
+        Each frame against the next; 0 against 1, 2 against 3 …, as double-frame cameras record; the first frame against
+        each later one; or the latter by steps from frame to frame.
+    lag
+        With --pairs consecutive: each frame against the one so many frames later.
     update
         With --pairs first: compare with a new frame every so many frames, or when correlation is 'lost'.
+    strict
+        Stop at the first frame that cannot be used, instead of flagging its pairs and going on.
     overwrite
         Replace the output, and the picture of --plot, if they exist.
     resume
@@ -86,6 +93,7 @@ def measure(
     """
     from sixflow.cli.figures import check_figure
     from sixflow.frames import open_frames
+    from sixflow.recording import Schedule
     from sixflow.sequence import check_update
     from sixflow.write import check_output
 
@@ -97,13 +105,20 @@ def measure(
     if bodies and mask is None:
         raise InputError("--bodies: there is no mask whose values could be numbers of bodies; give --mask")
     check_update(update, pairs, chosen.reference)
-    job = Job(source, chosen, pairs, update, None if mask is None else read_mask(mask, bodies=bodies))
+    job = Job(
+        source,
+        chosen,
+        Schedule(pairs, lag),
+        update,
+        strict,
+        None if mask is None else read_mask(mask, bodies=bodies),
+    )
     _require_masks(job, mask)
     tally, seconds = _measure_into(output, job, overwrite=overwrite, resume=resume, quiet=quiet)
     if picture is not None:
         _draw_first(job, picture)
     if not quiet:
-        say_notes((*source.notes, *tally.notes))
+        say_notes(tally.notes)
         print(f"{output}: {tally.describe(job.pair_count, seconds)}")
     _require_some(tally, output)
 
@@ -114,14 +129,27 @@ class Job:
 
     source: FrameSource
     settings: Settings
-    pairs: Pairs
+    schedule: Schedule
     update: Update
+    strict: bool
     mask: NDArray[Any] | None
 
     @property
     def pair_count(self) -> int:
         """Number of pairs."""
-        return len(self.source) - 1
+        return self.schedule.count(len(self.source))
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """How to measure the recording, as keywords of `iterate_sequence`."""
+        return {
+            "pairs": self.schedule.pairs,
+            "lag": self.schedule.lag,
+            "update": self.update,
+            "mask": self.mask,
+            "settings": self.settings,
+            "strict": self.strict or self.pair_count == 1,  # a pair is measured or refused
+        }
 
     @property
     def identity(self) -> dict[str, str]:
@@ -130,7 +158,9 @@ class Job:
         return {
             "settings": self.settings.to_json(),
             "frames": f"{len(self.source)} frames, the first with digest {self.source.fingerprint}",
-            "pairs": self.pairs if self.update is None else f"{self.pairs}, update {self.update}",
+            "pairs": self.schedule.pairs
+            + f", lag {self.schedule.lag}" * (self.schedule.lag > 1)
+            + f", update {self.update}" * (self.update is not None),
             "mask": mask,
             "sixflow_version": __version__,
         }
@@ -151,13 +181,10 @@ def _measure_into(
         with progress(job.pair_count, writer.done, quiet=quiet) as advance:
             for field in iterate_sequence(
                 job.source,
-                pairs=job.pairs,
-                update=job.update,
-                mask=job.mask,
-                settings=job.settings,
                 skip=writer.done,
                 done=writer.stored(),
                 seen=writer.frames,
+                **job.options,
             ):
                 writer.append(field)
                 tally.add(field)
@@ -168,14 +195,15 @@ def _measure_into(
 def _draw_first(job: Job, path: Path) -> None:
     """Draw the field of the first pair, measured once more: a long recording is not read back for it."""
     from sixflow.cli.figures import staged_figure
-    from sixflow.measurement import measure as measure_pair
+    from sixflow.frames import BadFrame
+    from sixflow.measurement import iterate_sequence
     from sixflow.plot import plot_field
 
-    frames = list(itertools.islice(job.source, 2))
-    mask = job.mask[:2] if job.mask is not None and job.mask.ndim == 3 else job.mask
-    field = measure_pair(*frames, mask=mask, settings=job.settings)
+    field = next(iter(iterate_sequence(job.source, **job.options)))
+    place = job.schedule.lag if job.settings.reference == "second" else 0
+    frame = next(job.source.attempt(place))
     with staged_figure(path) as partial:
-        plot_field(field, frames[job.settings.reference == "second"], path=partial)
+        plot_field(field, None if isinstance(frame, BadFrame) else frame, path=partial)
 
 
 def read_mask(path: Path, *, bodies: bool = False) -> NDArray[Any]:

@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 
 from sixflow.field.dataset import FAILING, FLAGS, SIX
 
+UNUSED = FLAGS["bad_frame"] | FLAGS["repeated"]
+"""Flags of pairs that were not measured."""
+
 
 class Tally:
     """Points, valid points, flags, standard errors and notes of the pairs measured so far."""
 
     def __init__(self) -> None:
-        self.pairs = self.points = self.valid = 0
+        self.pairs = self.bad = self.points = self.valid = 0
         self.flags = dict.fromkeys(FLAGS, 0)
         self.notes: dict[str, None] = {}
         self._errors: list[NDArray[np.float64]] = []
@@ -26,6 +29,7 @@ class Tally:
         for name in SIX:
             known &= np.isfinite(field[name].values)
         self.pairs += field.sizes["time"]
+        self.bad += int(((flag & UNUSED) != 0).all(axis=(1, 2)).sum())
         self.points += known.size
         self.valid += int(known.sum())
         for name, bit in FLAGS.items():
@@ -58,6 +62,8 @@ class Tally:
                 masked > 0
             )
             text += f"{100 * self.valid / max(1, wanted):.1f} % {'of the others ' * (masked > 0)}valid"
+        if self.bad:
+            text += f", {self.bad} pair{'s' * (self.bad != 1)} with a bad or repeated frame"
         text += f", {seconds:.2f} s"
         if self._errors:
             numbers = zip(SIX, np.median(self._errors, axis=0), strict=True)

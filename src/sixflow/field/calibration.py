@@ -47,7 +47,8 @@ class Calibration:
         size = stored.get("pixel_size")
         if size is None:
             raise InputError(
-                "pixel_size is unknown: give pixel_size=..., or set it once with field.sixflow.calibrate(pixel_size=...)"
+                "pixel_size is unknown: give pixel_size=..., or set it once with "
+                "field.sixflow.calibrate(pixel_size=...)"
             )
         unit = _unit(stored.get("length_unit", "mm"))
         return cls(positive("pixel_size", size), unit, require_seconds(field))

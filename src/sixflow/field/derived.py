@@ -16,8 +16,8 @@ The finite ones (all but displacement_gradient, small_strain and small_rotation,
 stands) are functions of the deformation of frame 1 relative to frame 0. Where the points of the field lie in the
 middle or in frame 1, the six are told for frame 0 first (`convention.change_reference`).
 
-A rate is divided by the time between the two frames of its own pair (`interval`); it is per frame ("1/frame") as long as
-that is unknown. A quantity that does not exist at a
+A rate is divided by the time between the two frames of its own pair (`interval`); it is per frame ("1/frame") as long
+as that is unknown. A quantity that does not exist at a
 point, such as the logarithm of a map that folds, is NaN there.
 """
 

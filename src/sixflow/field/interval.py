@@ -1,8 +1,8 @@
 """Interval: the time between the two frames of each pair, by which every rate of a field is divided.
 
-A field carries it as its coordinate `interval` along time, in "s", or in "frame" where no time is known; NaN where frames
-may be missing between the two. What is selected, joined or stored takes it along. Where the coordinate has been dropped,
-the attribute `interval` tells it, if it is the same for all pairs of the field; otherwise rates are refused.
+A field carries it as its coordinate `interval` along time, in "s", or in "frame" where no time is known; NaN where
+frames may be missing between the two. What is selected, joined or stored takes it along. Where the coordinate has been
+dropped, the attribute `interval` tells it, if it is the same for all pairs of the field; otherwise rates are refused.
 
 Fields of version 0.1, and those made by hand, have neither: theirs is the stored frame interval times the number of
 frames from `frame0` to `frame1`, or that number of frames.
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ from sixflow.values import A_SCALE, is_scale, plain, shown
 
 VARIES = "varies"
 """What the attribute `interval` says of pairs that do not all have the same."""
+
+_ROUNDING = 1e-9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,10 +68,10 @@ def elapsed(field: xr.Dataset) -> Elapsed:
         unit = field["interval"].attrs.get("units")
         if unit not in ("s", "frame"):
             raise InputError(f"coordinate interval: has the units {unit!r}; they must be 's' or 'frame'")
+        _require_own(field)
         return Elapsed(field["interval"], unit)
-    stated = field.attrs.get("interval")
-    if stated is not None:
-        return _as_stated(str(stated))
+    if "interval" in field.attrs or "pairs" in field.attrs:  # measured with times
+        return _as_stated(str(field.attrs.get("interval", VARIES)))
     apart = frames_apart(field)
     stored = stored_settings(field).get("frame_interval")
     if stored is None:
@@ -84,8 +87,24 @@ def statement(values: Any, unit: str) -> str:
     >>> statement([0.04, 0.04], "s"), statement([1, 2], "frame")
     ('0.04 s', 'varies')
     """
-    all_of_them = np.unique(np.asarray(values, dtype=np.float64))
-    return f"{float(all_of_them[0])!r} {unit}" if len(all_of_them) == 1 else VARIES
+    numbers = np.asarray(values, dtype=np.float64).ravel()
+    return common([f"{float(number)!r} {unit}" for number in numbers]) if numbers.size else VARIES
+
+
+def common(statements: Sequence[str]) -> str:
+    """What the attribute `interval` of several fields says of all of them together, rounding apart.
+
+    Examples
+    --------
+    >>> common(["0.1 s", "0.09999999999999998 s"]), common(["0.1 s", "0.1 frame"])
+    ('0.1 s', 'varies')
+    """
+    parts = [text.partition(" ") for text in dict.fromkeys(statements)]
+    if len({unit for _, _, unit in parts}) > 1 or VARIES in statements:
+        return VARIES
+    numbers = np.array([float(number) for number, _, _ in parts])
+    alike = np.allclose(numbers, numbers[0], rtol=_ROUNDING, atol=0, equal_nan=True)
+    return statements[0] if alike else VARIES
 
 
 def frames_apart(field: xr.Dataset) -> xr.DataArray:
@@ -169,14 +188,26 @@ def with_settings(field: xr.Dataset, **changes: Any) -> xr.Dataset:
     return field.assign_attrs(settings=json.dumps(stored_settings(field) | changes))
 
 
+def _require_own(field: xr.Dataset) -> None:
+    """Refuse the interval of one pair in the place of all: what joining single pairs with coords="minimal" leaves."""
+    several = field.sizes.get("time", 1) > 1
+    if several and not any(
+        "time" in field[name].dims for name in ("interval", "time1") if name in field.variables
+    ):
+        raise InputError(
+            "coordinate interval: the pairs of the field have one for all, as they have one time1; join single pairs "
+            'with xr.concat(…, coords="different")'
+        )
+
+
 def _as_stated(text: str) -> Elapsed:
     number, _, unit = text.partition(" ")
     try:
         return Elapsed(xr.DataArray(float(number)), unit)
     except ValueError:
         raise InputError(
-            "interval: the field has lost the times of its pairs, which are not all the same; select without drop=True, or "
-            "keep the coordinate 'interval'"
+            "interval: the field has lost the times of its pairs, which are not all the same; select without "
+            "drop=True, or keep the coordinate 'interval'"
         ) from None
 
 
@@ -197,6 +228,6 @@ def _require_agreement(
     if bool(apart.any()):
         value = float(known.values.values[np.asarray(apart)].ravel()[0])
         raise InputError(
-            f"frame_interval={frame_interval!r}: contradicts the times of the frames, by which a pair of the field spans "
-            f"{value:.6g} s; leave it out"
+            f"frame_interval={frame_interval!r}: contradicts the times of the frames, by which a pair of the field "
+            f"spans {value:.6g} s; leave it out"
         )

@@ -19,7 +19,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from sixflow.field.interval import VARIES
+from sixflow.field.interval import common
 
 Said: TypeAlias = Mapping[str, Any]
 """Attributes as plain numbers, text, and lists of them."""
@@ -78,11 +78,7 @@ def _most(numbers: list[Any]) -> Any:
     return max((number for number in numbers if isinstance(number, int | float)), default=numbers[0])
 
 
-def _interval(intervals: list[Any]) -> Any:
-    return intervals[0] if len(set(intervals)) == 1 else VARIES
-
-
-_RULES = {"input_digest": _digest, "notes": _notes, "memory_bytes": _most, "interval": _interval}
+_RULES = {"input_digest": _digest, "notes": _notes, "memory_bytes": _most, "interval": common}
 
 
 def _agree(values: list[Any]) -> bool:

@@ -32,6 +32,8 @@ class ArraySource(FrameSource):
         Of channel, slice and position.
     """
 
+    _one_scale = False
+
     def __init__(self, frames: Any, selection: Selection = Selection()) -> None:  # noqa: B008 - it is frozen
         labelled = frames if isinstance(frames, Labelled) else _by_shape(frames)
         self._kind = type(labelled.data).__name__
@@ -84,6 +86,8 @@ def _by_shape(frames: Any) -> Labelled:
 class ListSource(FrameSource):
     """Frames in a list or tuple of arrays."""
 
+    _one_scale = False
+
     def __init__(self, frames: Sequence[Any], selection: Selection = Selection()) -> None:  # noqa: B008 - it is frozen
         self._frames = frames
         refuse_choices(selection, "the list of arrays", ["channel"])
@@ -105,6 +109,8 @@ class ListSource(FrameSource):
 
 class StreamSource(FrameSource):
     """Frames from an iterable of arrays, such as a generator or a camera; its length is unknown."""
+
+    _one_scale = False
 
     def __init__(self, frames: Iterable[Any], selection: Selection = Selection()) -> None:  # noqa: B008 - it is frozen
         iterator = iter(frames)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import collections
 import dataclasses
+import itertools
 import re
 from collections.abc import Sequence
 
@@ -63,7 +64,7 @@ def breaks(names: Sequence[str], numbers: Sequence[int], *, new_files: bool = Fa
         return ()
     steps = [
         (after - before) / (numbers[k + 1] - numbers[k])
-        for k, (before, after) in enumerate(zip(counted, counted[1:], strict=False))
+        for k, (before, after) in enumerate(itertools.pairwise(counted))
     ]
     usual = min(steps)
     return tuple(k + 1 for k, step in enumerate(steps) if step > usual) if usual > 0 else ()

@@ -56,6 +56,9 @@ class FrameSource(abc.ABC):
     [0.0, 1.0]
     """
 
+    _one_scale = True
+    """Whether frames of another stored type than the first are unlike it, as in files, or as good as any, as in memory."""
+
     def __init__(self, selection: Selection = Selection()) -> None:  # noqa: B008 - it is frozen
         self._colour = selection.channel
         self._book = Notebook()
@@ -190,7 +193,7 @@ class FrameSource(abc.ABC):
             grey, notes = self._grey(name, frame)
         except InputError as error:
             return BadFrame(name, error)
-        if grey.shape == self.shape and _scale(frame) == self._scale:
+        if grey.shape == self.shape and (_scale(frame) == self._scale or not self._one_scale):
             self._book.take(notes, number, name)
             return grey.astype(np.result_type(grey.dtype, self.dtype), copy=False)
         return BadFrame(

@@ -17,6 +17,7 @@ where the measurement does not determine it. Axes are those of `sixflow.scenes`:
 | `least_squares` | models of the eight |
 | `estimate` | numbers with errors, and assumptions |
 | `interpret` | all of it |
+| `table` | all of it, of all pairs |
 """
 
 from sixflow.interpretation.contact import TimeToContact as TimeToContact
@@ -38,3 +39,4 @@ from sixflow.interpretation.slant import SurfaceSlant as SurfaceSlant
 from sixflow.interpretation.slant import slant_and_tilt as slant_and_tilt
 from sixflow.interpretation.structure import PlaneAndMotion as PlaneAndMotion
 from sixflow.interpretation.structure import plane_and_motion as plane_and_motion
+from sixflow.interpretation.table import interpret_all as interpret_all

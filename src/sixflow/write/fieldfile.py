@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeAlias, cast
 
+import numpy as np
 import xarray as xr
 
 from sixflow.errors import FieldFileError, InputError
@@ -130,12 +131,18 @@ def open_field(path: str | os.PathLike[str]) -> xr.Dataset:
             field = netcdf.read(path)
         try:
             _check_content(field, path)
-            plain = in_order(guarded(field, path)).drop_encoding()
+            plain = _with_text(in_order(guarded(field, path))).drop_encoding()
         except BaseException:
             field.close()
             raise
     plain.set_close(field.close)
     return plain
+
+
+def _with_text(field: xr.Dataset) -> xr.Dataset:
+    """Return the field with text of fixed width where the file gives objects."""
+    texts = [name for name, value in field.coords.items() if value.dtype.kind == "O"]
+    return field.assign_coords({name: field[name].astype(np.str_) for name in texts})
 
 
 def _check_content(field: xr.Dataset, path: Path) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from sixflow.write.guarded import quiet
 from sixflow.write.layout import chunk_shape, fill_value
@@ -27,7 +28,7 @@ _CHUNK_BYTES = 2**20
 def write(path: Path, parts: Iterator[xr.Dataset]) -> None:
     """Write the parts of a field, which follow each other in time, to a new file."""
     first = next(parts)
-    first = first.assign_attrs(_plain(first.attrs))
+    first = _with_bytes(first.assign_attrs(_plain(first.attrs)))
     first.to_netcdf(
         path,
         mode="w",
@@ -47,8 +48,22 @@ def _plain(attrs: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def _with_bytes(field: xr.Dataset) -> xr.Dataset:
+    """Return text along time as bytes of one width, which further parts fit into: four for a character at most."""
+    texts = [
+        name for name, value in field.variables.items() if value.dtype.kind == "U" and "time" in value.dims
+    ]
+    return field.assign_coords({name: _bytes(field[name].variable) for name in texts})
+
+
+def _bytes(text: xr.Variable) -> xr.Variable:
+    width = 4 * max(1, text.dtype.itemsize // np.dtype("U1").itemsize)
+    encoded = np.char.encode(text.values, "utf-8").astype(f"S{width}")
+    return xr.Variable(text.dims, encoded, text.attrs | {"_Encoding": "utf-8"})
+
+
 def _encoding(name: str, variable: xr.Variable) -> dict[str, Any]:
-    if variable.dtype.kind in "UT":
+    if variable.dtype.kind in "UTS":
         return {"dtype": "S1"}
     encoding: dict[str, Any] = {}
     if variable.dtype.kind in "iuf" and variable.ndim:
@@ -72,11 +87,18 @@ def _extend(path: Path, parts: Iterator[xr.Dataset], count: int) -> None:
     with h5netcdf.File(path, "r+") as file:
         for part in parts:
             end = count + part.sizes["time"]
+            part = _with_bytes(part)
             file.resize_dimension("time", end)
             for name, variable in part.variables.items():
                 if "time" in variable.dims:
-                    file[name][count:end] = variable.values
+                    file[name][count:end] = (
+                        variable.values if variable.dtype.kind != "S" else _characters(variable)
+                    )
             count = end
+
+
+def _characters(text: xr.Variable) -> NDArray[np.bytes_]:
+    return text.values[..., None].view("S1")
 
 
 def _fix_attributes(path: Path) -> None:

@@ -18,7 +18,7 @@ from typing import Any, Self
 import numpy as np
 import xarray as xr
 
-from sixflow.errors import FieldFileError, InputError
+from sixflow.errors import FieldFileError, InputError, SixflowError
 from sixflow.field.provenance import joined_attrs, said_of_pairs
 from sixflow.frames.digests import FrameDigests
 from sixflow.values import is_whole, shown
@@ -182,13 +182,18 @@ class RecordingWriter:
         self._progress.add(field.sizes["time"], said_of_pairs(field.attrs), new)
         self._logged_frames += len(new)
         self._pending.append(field)
-        batch, waiting = self._progress.batch, sum(part.sizes["time"] for part in self._pending)
-        if waiting >= batch:
-            together = _joined(self._pending)
-            whole = waiting - waiting % batch
-            for start in range(0, whole, batch):
-                self._flush(together.isel(time=slice(start, start + batch)))
-            self._pending = [together.isel(time=slice(whole, None))] if waiting > whole else []
+        if sum(part.sizes["time"] for part in self._pending) >= self._room:
+            rest = _joined(self._pending)
+            while rest.sizes["time"] >= self._room:
+                room = self._room
+                self._flush(rest.isel(time=slice(room)))
+                rest = rest.isel(time=slice(room, None))
+            self._pending = [rest] if rest.sizes["time"] else []
+
+    @property
+    def _room(self) -> int:
+        """Pairs that are missing to a whole chunk."""
+        return self._progress.batch - self.done % self._progress.batch
 
     def _compare(self, ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> None:
         for name in sorted(ours.keys() | theirs.keys()):
@@ -224,6 +229,11 @@ class RecordingWriter:
 
     def _keep(self, error: BaseException) -> None:
         """Leave what is complete for resuming, and say so in the error."""
+        if isinstance(error, SixflowError) and not isinstance(error, FieldFileError) and self._pending:
+            self._flush(
+                _joined(self._pending)
+            )  # the measurement has stopped, but nothing is wrong with these
+            self._pending = []
         if self.done:
             error.add_note(
                 f"{self.done} pairs are complete in {self.partial}; continue with resume=True (--resume)"

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from sixflow.field.dataset import FLAGS
+from sixflow.field.dataset import FLAGS, OF_PAIRS
 
 Array: TypeAlias = NDArray[Any]
 
@@ -48,7 +48,7 @@ def _columns(field: xr.Dataset) -> dict[str, tuple[Array, str]]:
     """Return the values of each column, one per point and time, and its meaning."""
     columns = {}
     errors = _standard_errors(field)
-    coordinates = [name for name in ("time", "frame0", "frame1", "y", "x") if name in field.coords]
+    coordinates = [name for name in (*OF_PAIRS, "y", "x") if name in field.coords]
     for name in (*coordinates, *map(str, field.data_vars)):
         variable = field[name].variable
         if set(variable.dims) <= set(_GRID):
@@ -87,6 +87,10 @@ def _words(flags: Array) -> Array:
 
 
 def _text(values: Array) -> list[str]:
-    """Return numbers with as many digits as tell them from their neighbours; nothing for NaN."""
+    """Return numbers with as many digits as tell them from their neighbours, nothing for NaN; words in quotes where
+    they need them.
+    """
     text: list[str] = values.astype(np.str_).tolist()
+    if values.dtype.kind == "U":
+        return ['"' + cell.replace('"', '""') + '"' if set(cell) & set(',"\r\n') else cell for cell in text]
     return ["" if cell == "nan" else cell for cell in text] if values.dtype.kind == "f" else text
