@@ -8,10 +8,10 @@ per pair, for recordings that are written as they are measured.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Literal, Unpack, get_args
 
-import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
@@ -44,10 +44,12 @@ def measure(
     frame0, frame1 : array_like, shape (height, width)
         Grey values: integers or floats of any range. frame0 is the reference: frame1(x + u) =
         frame0(x). Pixels that are NaN or infinite are masked.
-    mask : array_like of bool or int, shape (height, width) or (2, height, width), optional
+    mask : array_like of bool or int, shape (height, width) or (2, height, width), or path, optional
         Region of interest of frame 0: True where to measure. Parts that a gap separates are measured apart. Whole
         numbers name the bodies: 0 is not measured, those of different numbers are measured apart and may touch.
-        With one mask for each frame a pixel counts only where both allow it, at x and at x + u.
+        With one mask for each frame a pixel counts only where both allow it, at x and at x + u. The path of a file of a
+        mask is read with `read_mask`; use that itself for numbers of bodies. Rectangles and polygons are settings:
+        `roi`, `polygons`, `holes`.
     settings : Settings, optional
         How to measure; the defaults if not given.
     **options
@@ -85,9 +87,10 @@ def measure(
     >>> float(abs(field.divergence - 0.04).max()) < 0.02
     True
     """
-    masks = _masks_of_a_pair(mask)
+    masks = Masks(mask)
+    masks.require(2)
     chosen, guess = without_guess(settings or Settings(), options)
-    session = Session(chosen, masks_move=masks.moving, guess=guess)
+    session = Session(chosen, masks=masks, guess=guess)
     frames = [
         session.prepare(frame, f"frame{k}", masks.at(k), lasting=True)
         for k, frame in enumerate((frame0, frame1))
@@ -119,7 +122,7 @@ def measure_sequence(
         With pairs="first": renew the frame that is compared with, every so many frames, or when correlation is lost
         (less than `sequence.LOST` of the points that it had are valid), and join what is measured from it to the
         motion that led there. The covariance is accumulated; points that are lost stay lost.
-    mask : array_like of bool or int, iterable or callable, optional
+    mask : array_like of bool or int, path, iterable or callable, optional
         As for `measure`: one, of the reference frames (with pairs other than "consecutive", of the first frame), or
         one for each frame: an array (n, height, width), an iterable, or a function of the frame's number.
     times : sequence of float, optional
@@ -192,9 +195,11 @@ def iterate_sequence(
     if pairs not in get_args(Pairs):
         raise InputError(f"pairs={pairs!r}: must be one of {', '.join(map(repr, get_args(Pairs)))}")
     masks = Masks(mask)
+    with contextlib.suppress(TypeError):  # of generators the number is not known
+        masks.require(len(frames))  # type: ignore[arg-type]
     chosen, guess = without_guess(settings or Settings(), options)
     renewal = check_update(update, pairs, chosen.reference)
-    session = Session(chosen, masks_move=masks.moving, guess=guess, floor=Floor.of(frames))
+    session = Session(chosen, masks=masks, guess=guess, floor=Floor.of(frames))
     stamps = getattr(frames, "times", None) if times is None else times
     if pairs == "consecutive":
         results = _consecutive(session, frames, masks, skip)
@@ -225,14 +230,6 @@ def _consecutive(
                 result = session.measure_pair(before, frame, (number - 1, number))
             before = frame
         yield result
-
-
-def _masks_of_a_pair(mask: MaskLike | None) -> Masks:
-    if isinstance(mask, np.ndarray) and mask.ndim == 3 and len(mask) != 2:
-        raise InputError(
-            f"mask has shape {mask.shape}: must be (height, width), or (2, height, width) with one for each frame"
-        )
-    return Masks(mask)
 
 
 def join_fields(fields: Sequence[xr.Dataset]) -> xr.Dataset:

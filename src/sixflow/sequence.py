@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sixflow.convention import SIX
 from sixflow.errors import InputError
-from sixflow.masks import Bodies, Masks
+from sixflow.masks import AnyBodies, Masks
 from sixflow.pair import PairResult, Prepared
 from sixflow.pieces import Start
 from sixflow.placing import leaves
@@ -123,7 +123,7 @@ class Follower:
         """Whether the last result that is done is itself the start of the next."""
         return self.done is not None and self.from_number == 0
 
-    def take(self, number: int, raw: ArrayLike, bodies: Bodies | None) -> PairResult | None:
+    def take(self, number: int, raw: ArrayLike, bodies: AnyBodies) -> PairResult | None:
         """Take the next frame; the motion from frame 0 to it, or None for a frame that begins or was done before."""
         name = f"frame {number}"
         if number == 0:
@@ -155,7 +155,7 @@ class Follower:
         stage.start = Start.from_six(last.six, last.flag, last.body)
         stage.valid = _stored_motion(done, 0).valid
 
-    def _prepared(self, number: int, raw: ArrayLike, bodies: Bodies | None, base: Motion | None) -> Prepared:
+    def _prepared(self, number: int, raw: ArrayLike, bodies: AnyBodies, base: Motion | None) -> Prepared:
         """A frame with its own mask, or with that of frame 0, moved along, if it is to be a reference."""
         if not self.masks.moving:
             bodies = None

@@ -252,6 +252,19 @@ class SixflowAccessor:
         """
         return selection.flagged(self._field, name)
 
+    @property
+    def guess(self) -> xr.Dataset:
+        """The first guess that the field was measured with, as a field: for `search` of another measurement.
+
+        A guess in numbers stands in the settings instead.
+
+        Raises
+        ------
+        InputError
+            If the field holds none.
+        """
+        return selection.first_guess(self._field)
+
     # Between the grid points
 
     def dense(self) -> xr.Dataset:
