@@ -238,10 +238,10 @@ ONES = np.ones((64, 72), bool)
         (np.ones((3, 64, 72), bool), ["mask", "(3, 64, 72)", "(2, height, width)"]),
         ([ONES, 0 * ONES], ["mask of frame 1", "False everywhere"]),
         ([0 * ONES, ONES], ["mask of frame 0", "False everywhere"]),
-        ([ONES], ["mask has 1 masks", "frame 1"]),
+        ([ONES], ["mask", "1 masks", "2 frames"]),
         ([ONES, ONES[:60]], ["mask", "(60, 72)", "(64, 72)"]),
         (-labels()[:64, :72], ["mask", "from -1", "numbered from 1"]),
-        (lambda number: "roi.png", ["mask of frame 0"]),
+        (lambda number: 7.5 * ONES, ["mask of frame 0", "float64"]),
     ],
 )
 def test_masks_that_cannot_be_used(mask, said):

@@ -118,7 +118,7 @@ def test_mask_is_where_not_zero(place, capsys):
     mask[:, :32] = 7
     tifffile.imwrite("mask.tif", mask)
     assert run(["measure", "A.tif", "B.tif", "-o", "field.nc", "--mask", "mask.tif", *QUICK]) == 0
-    assert_measured_alike(load("field.nc"), measure(*make_frames(4)[:2], mask=mask > 0, window=21, step=16))
+    assert_measured_alike(load("field.nc"), measure(*make_frames(4)[:2], mask="mask.tif", window=21, step=16))
     assert "50.0 % masked, 100.0 % of the others valid" in capsys.readouterr().out
 
 
@@ -198,6 +198,9 @@ def test_every_flag_reaches_the_settings(field):
         "interpolation": "cubic",
         "lighting": "local",
         "lowpass": "1.5",
+        "roi": "8:,:40",
+        "polygons": "1,1 40,1 20,30",
+        "holes": "1,1 40,1 20,30; 50,50 60,50 60,60",
     } | {"length_unit": "µm"}
     value = choices.get(field.name, "7")
     flag = "--" + field.name.replace("_", "-")

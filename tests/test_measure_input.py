@@ -83,7 +83,6 @@ def test_frames_just_as_large_as_the_window(shape):
         (np.ones((64, 72)), ["mask", "float64", "bool"]),
         (np.ones((64, 72), complex), ["mask", "complex128"]),
         (True, ["mask", "()"]),
-        ("roi.png", ["mask"]),
         (np.empty((0, 0), bool), ["mask"]),
     ],
 )

@@ -1,12 +1,19 @@
 """First guesses of every kind, and those that are none."""
 
-import json
-
 import numpy as np
 import pytest
+import xarray as xr
 
 import measured
-from sixflow import InputError, Settings, convention, measure, measure_sequence
+from sixflow import (
+    InputError,
+    Settings,
+    convention,
+    measure,
+    measure_sequence,
+    open_field,
+    write_field,
+)
 from sixflow.grid import Grid
 from sixflow.search.guess import maps_of_guess
 from sixflow.synth import Affine, Sensor, pair
@@ -65,7 +72,19 @@ def test_a_guess_replaces_the_search(kind):
         "field": measure(found.frame0, found.frame1, step=16),
     }[kind]
     field = measure(found.frame0, found.frame1, search=guess)
-    assert json.loads(field.attrs["settings"])["search"] == "guess"
+    stored = Settings.from_json(field.attrs["settings"])
+    if kind in (
+        "six",
+        "matrix",
+    ):  # the settings replay the result; a field or a function is in the field itself
+        again = measure(found.frame0, found.frame1, settings=stored)
+    else:
+        assert stored.search == "guess"
+        with pytest.raises(InputError, match=r"field\.sixflow\.guess"):
+            measure(found.frame0, found.frame1, settings=stored)
+        again = measure(found.frame0, found.frame1, settings=stored, search=field.sixflow.guess)
+    xr.testing.assert_allclose(again, field, rtol=1e-4, atol=1e-5)
+    assert again.attrs["settings"] == field.attrs["settings"]
     good = ~measured.failed(field)
     error = np.abs(measured.errors(field, found)[good][:, :2])
     assert good.mean() > 0.5
@@ -127,3 +146,40 @@ def test_settings_alone_hold_no_guess():
     frames = np.random.default_rng(0).normal(size=(2, 64, 64))
     with pytest.raises(InputError, match="give the first guess itself"):
         measure(*frames, settings=Settings(search="guess"))
+
+
+def test_two_guesses_leave_two_records():
+    found = made()
+    fields = [measure(found.frame0, found.frame1, search=[u, 0, 0, 0, 0, 0], step=32) for u in (0.6, 0.5)]
+    assert fields[0].attrs["settings"] != fields[1].attrs["settings"]
+    with pytest.raises(InputError, match="numbers stands in its settings"):
+        _ = fields[0].sixflow.guess
+
+
+def test_a_guess_in_a_settings_file_and_as_text(tmp_path):
+    path = tmp_path / "settings.toml"
+    path.write_text("search = [0.5, 0, 0, 0.01, 0, 0]\nwindow = 41\n")
+    settings = Settings.from_toml(path)
+    assert settings == Settings(search="0.5, 0, 0, 0.01, 0, 0", window=41)
+    assert Settings.from_json(settings.to_json()) == settings
+    path.write_text("search = [[1, 0, 3], [0, 1, -2], [0, 0, 1]]\n")
+    assert Settings.from_toml(path).search == ((1, 0, 3), (0, 1, -2))
+
+
+@pytest.mark.parametrize("text", ["1,2", "a,b,c,d,e,f", "0,0,0,0,5,0", "nan,0,0,0,0,0", "[1, 2", "{"])
+def test_settings_that_are_no_settings(text):
+    with pytest.raises(InputError):
+        Settings(search=text)
+    with pytest.raises(InputError, match="settings"):
+        Settings.from_json("[" + text)
+
+
+def test_a_stored_guess_survives_the_file(tmp_path):
+    """A recording measured from a function: every pair holds the guess, the store gives it back."""
+    frames = np.stack([made().frame0, made().frame1, made().frame0])
+    field = measure_sequence(frames, search=MOTION.displacement, step=64)
+    path = write_field(field, tmp_path / "field.nc")
+    with open_field(path) as back:
+        guess = back.load().sixflow.guess
+    x, y = (coordinate.astype(float) for coordinate in xr.broadcast(guess.x, guess.y))
+    np.testing.assert_allclose(guess.u.transpose("x", "y"), MOTION.displacement(x, y)[0], atol=1e-9)

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from sixflow.errors import MeasurementError as MeasurementError
     from sixflow.errors import SixflowError as SixflowError
     from sixflow.frames import open_frames as open_frames
+    from sixflow.masks import read_mask as read_mask
     from sixflow.measurement import iterate_sequence as iterate_sequence
     from sixflow.measurement import measure as measure
     from sixflow.measurement import measure_sequence as measure_sequence
@@ -54,6 +55,7 @@ _HOME = {
     "open_field": "write",
     "open_frames": "frames",
     "plot_field": "plot",
+    "read_mask": "masks",
     "write_field": "write",
 }
 _MODULES = (
@@ -90,6 +92,7 @@ __all__ = [
     "open_frames",
     "plot",
     "plot_field",
+    "read_mask",
     "scenes",
     "synth",
     "write",

@@ -1,13 +1,13 @@
 """Copies: blocks of pixels that a video codec took over from the frame before, and that say nothing of the motion.
 
-Where little changes, a codec does not send a block again: it is skipped, and the frame holds the pixels of the one before
-to the last bit. Compared with them, the motion is 0 and the residual is 0, whatever happened before the camera. Such
-pixels are no evidence, in either frame.
+Where little changes, a codec does not send a block again: it is skipped, and the frame holds the pixels of the one
+before to the last bit. Compared with them, the motion is 0 and the residual is 0, whatever happened before the camera.
+Such pixels are no evidence, in either frame.
 
 A codec decides by blocks, of 4 × 4 pixels or more. A pixel belongs to a copied block if it lies in a square of 4 × 4
-pixels that are all the same in both frames, and that are not flat: their values span more than one step of rounding, so
-that a motion, or noise of more than rounding, would have changed one of them. What is flat (black, overexposed, blurred)
-may well stay as it is, and has no weight in the fit.
+pixels that are all the same in both frames, and that are not flat: their values span more than one step of rounding,
+so that a motion, or noise of more than rounding, would have changed one of them. What is flat (black, overexposed) may
+well stay as it is, and has no weight in the fit.
 
 Asked of frames of which a codec is known to copy (`Compression.copies`). A still background is legitimate elsewhere.
 """

@@ -13,7 +13,6 @@ import os
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from typing import Any, Unpack
 
-import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
@@ -48,10 +47,12 @@ def measure(
         Grey values: integers or floats of any range, or a file of one frame. frame0 is the reference: frame1(x + u) =
         frame0(x). Pixels that are NaN or infinite are masked. Two frames that are the same to the last bit are a copy,
         and flagged `repeated`.
-    mask : array_like of bool or int, shape (height, width) or (2, height, width), optional
+    mask : array_like of bool or int, shape (height, width) or (2, height, width), or path, optional
         Region of interest of frame 0: True where to measure. Parts that a gap separates are measured apart. Whole
         numbers name the bodies: 0 is not measured, those of different numbers are measured apart and may touch.
-        With one mask for each frame a pixel counts only where both allow it, at x and at x + u.
+        With one mask for each frame a pixel counts only where both allow it, at x and at x + u. The path of a file of a
+        mask is read with `read_mask`; use that itself for numbers of bodies. Rectangles and polygons are settings:
+        `roi`, `polygons`, `holes`.
     settings : Settings, optional
         How to measure; the defaults if not given.
     **options
@@ -89,12 +90,13 @@ def measure(
     >>> float(abs(field.divergence - 0.04).max()) < 0.02
     True
     """
-    masks = _masks_of_a_pair(mask)
+    masks = Masks(mask)
+    masks.require(2)
     chosen, guess = without_guess(require_settings(settings), options)
     files = _files(frame0, frame1, chosen)
     chosen = chosen if files is None else files.settings
     floor = Floor() if files is None else Floor.of(files.source)
-    session = Session(chosen, masks_move=masks.moving, guess=guess, floor=floor)
+    session = Session(chosen, masks=masks, guess=guess, floor=floor)
     given = (frame0, frame1) if files is None else tuple(files.source)
     frames = [session.prepare(frame, f"frame{k}", masks.at(k), lasting=True) for k, frame in enumerate(given)]
     result = session.measure_pair(frames[0], frames[1], (0, 1))
@@ -135,7 +137,7 @@ def measure_sequence(
         With pairs="first": renew the frame that is compared with, every so many frames, or when correlation is lost
         (less than `sequence.LOST` of the points that it had are valid), and join what is measured from it to the
         motion that led there. The covariance is accumulated; points that are lost stay lost.
-    mask : array_like of bool or int, iterable or callable, optional
+    mask : array_like of bool or int, path, iterable or callable, optional
         As for `measure`: one, of the reference frames (with pairs other than "consecutive", of the first frame), or
         one for each frame: an array (n, height, width), an iterable, or a function of the frame's number.
     times : sequence, optional
@@ -271,9 +273,11 @@ def _measured(
     if not isinstance(strict, bool):
         raise InputError(f"strict={strict!r}: must be True or False")
     recording = Recording(open_frames(frames), schedule, _stamps(frames, times), asked, digests=seen)
+    if recording.source.count is not None:
+        masks.require(recording.source.count)
     session = Session(
         recording.settings,
-        masks_move=masks.moving,
+        masks=masks,
         guess=guess,
         strict=strict,
         floor=Floor.of(recording.source),
@@ -311,14 +315,6 @@ def _files(frame0: Any, frame1: Any, settings: Settings) -> Recording | None:
             "each, and measure_sequence(open_frames(…)) measures a recording"
         )
     return Recording(source, Schedule("consecutive"), None, settings)
-
-
-def _masks_of_a_pair(mask: MaskLike | None) -> Masks:
-    if isinstance(mask, np.ndarray) and mask.ndim == 3 and len(mask) != 2:
-        raise InputError(
-            f"mask has shape {mask.shape}: must be (height, width), or (2, height, width) with one for each frame"
-        )
-    return Masks(mask)
 
 
 def join_fields(fields: Sequence[xr.Dataset]) -> xr.Dataset:

@@ -64,8 +64,8 @@ class PairResult:
 class Prepared:
     """A frame that has been checked and normalised, with what is remembered of the raw one.
 
-    `unlit` is the frame before its local light was divided out; `copied`, of a pair, is True at pixels that a codec took
-    over from one frame to the other (`sixflow.copies`).
+    `unlit` is the frame before its local light was divided out; `copied`, of a pair, is True at pixels that a codec
+    took over from one frame to the other (`sixflow.copies`).
     """
 
     frame: Frame

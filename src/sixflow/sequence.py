@@ -31,7 +31,7 @@ from sixflow.convention import SIX
 from sixflow.errors import BadFrameError, InputError, SixflowError
 from sixflow.field.flags import FLAGS
 from sixflow.frames.bad import BadFrame
-from sixflow.masks import Bodies, Masks
+from sixflow.masks import AnyBodies, Masks
 from sixflow.pair import PairResult, Prepared
 from sixflow.pieces import Start
 from sixflow.placing import leaves
@@ -153,7 +153,7 @@ class Follower:
         """Whether the last result that is done is itself the start of the next."""
         return self.done is not None and self.begins == 0
 
-    def take(self, place: int, raw: ArrayLike | BadFrame, bodies: Bodies | None) -> PairResult | None:
+    def take(self, place: int, raw: ArrayLike | BadFrame, bodies: AnyBodies) -> PairResult | None:
         """Take the next frame; the motion from frame 0 to it, or None for a frame that begins or was done before."""
         if place == 0:
             self.first = self._first(raw, bodies)
@@ -176,7 +176,7 @@ class Follower:
         result = self._measured(place, frame)
         return result if place > self.skip else None
 
-    def _first(self, raw: ArrayLike | BadFrame, bodies: Bodies | None) -> Prepared:
+    def _first(self, raw: ArrayLike | BadFrame, bodies: AnyBodies) -> Prepared:
         name = self.recording.name(0)
         try:
             if isinstance(raw, BadFrame):
@@ -277,7 +277,7 @@ def consecutive(
         If not a single frame can be used.
     """
     schedule = recording.schedule
-    held: dict[int, tuple[Tried, Bodies | None]] = {}
+    held: dict[int, tuple[Tried, AnyBodies]] = {}
     waiting: list[int] = []  # frames that end pairs before the first good one, which gives the grid
     for place, raw in enumerate(recording.frames()):
         bodies, first = masks.at(place), schedule.first(place)
@@ -301,7 +301,7 @@ def consecutive(
 def _pair(
     session: Session,
     recording: Recording,
-    held: dict[int, tuple[Tried, Bodies | None]],
+    held: dict[int, tuple[Tried, AnyBodies]],
     place: int,
 ) -> tuple[tuple[int, int], PairResult]:
     """Measure the pair that a frame ends."""

@@ -27,7 +27,9 @@ from sixflow.floor import Floor, rounding_noise
 from sixflow.grid import Grid
 from sixflow.interlacing import InterlacingCheck
 from sixflow.lighting import Change
-from sixflow.masks import Bodies
+from sixflow.masks import AnyBodies, Bodies, Masks
+from sixflow.masks.outlines import region_of
+from sixflow.masks.said import said_of_mask
 from sixflow.normalise import (
     Frame,
     both_valid,
@@ -45,7 +47,7 @@ from sixflow.region_light import RegionLight
 from sixflow.replace import predictions
 from sixflow.resolution import search_settings
 from sixflow.restriction import ABSENT
-from sixflow.search.guess import Guess, maps_of_guess
+from sixflow.search.guess import Guess, is_stored_in_settings, maps_of_guess
 from sixflow.search.pyramid import pyramid
 from sixflow.settings import Settings
 from sixflow.times import PairTimes
@@ -63,8 +65,8 @@ class Session:
     Parameters
     ----------
     settings : Settings
-    masks_move : bool
-        Whether the mask of a moved frame counts: there is one for each frame.
+    masks : Masks, optional
+        Where to measure. Where there is one for each frame, that of the moved frame counts too.
     guess : optional
         A first guess of the motion of every pair, as `search` takes it.
     strict : bool
@@ -77,21 +79,25 @@ class Session:
         self,
         settings: Settings,
         *,
-        masks_move: bool = False,
+        masks: Masks | None = None,
         guess: Guess | None = None,
         strict: bool = False,
         floor: Floor = Floor(),  # noqa: B008 - it is frozen
     ) -> None:
         self.asked = self.settings = settings
-        self.masks_move, self.guess, self.strict, self.floor = masks_move, guess, strict, floor
+        self.masks, self.guess, self.strict, self.floor = masks or Masks(None), guess, strict, floor
+        self.masks_move = self.masks.moving
         self.dtype = np.float64 if settings.float64 else np.float32
         self.workspace = Workspace()
         self.shape: tuple[int, int] | None = None
+        self.guess_maps: NDArray[np.float64] | None = None
+        self.region: NDArray[np.bool_] | None = None
+        self._within: tuple[Bodies | None, Bodies] | None = None
         self.constant, self.scale = 0.0, 1.0
         self.interlacing = InterlacingCheck()
 
     def prepare(
-        self, raw: ArrayLike, name: str, bodies: Bodies | None = None, *, lasting: bool = False
+        self, raw: ArrayLike, name: str, bodies: AnyBodies = None, *, lasting: bool = False
     ) -> Prepared:
         """Check and normalise one frame.
 
@@ -100,7 +106,7 @@ class Session:
         raw : array_like, shape (height, width)
         name : str
             For messages.
-        bodies : Bodies, optional
+        bodies : Bodies or Outlined, optional
             Of its mask, if there is one.
         lasting : bool
             The raw frame stays as it is until the pair is measured; a source may write the next one over it.
@@ -121,10 +127,7 @@ class Session:
                 f"{name} has shape {array.shape}, the first frame {self.shape}: "
                 "all frames must have one shape; crop or resample them"
             )
-        if bodies is not None and bodies.labels.shape != self.shape:
-            raise InputError(
-                f"mask has shape {bodies.labels.shape}, the frames {self.shape}: the mask must have the frames' shape"
-            )
+        within = self.bodies_of(bodies)
         digest = beside(lambda: hashlib.sha256(np.ascontiguousarray(array).data).digest())
         image, valid, missing = to_image(array, self.constant, self.dtype, self.scale)
         if missing == array.size:
@@ -137,7 +140,7 @@ class Session:
             (f"{name}: {missing} pixels without a value (NaN or infinite) are masked",) if missing else ()
         )
         sample = _sample(
-            image, valid if bodies is None else both_valid((bodies.labels != 0).astype(np.uint8), valid)
+            image, valid if within is None else both_valid((within.labels != 0).astype(np.uint8), valid)
         )
         mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
         frame, unlit = Frame(image, valid, floor=self.floor.under(array) * self.scale), None
@@ -145,7 +148,19 @@ class Session:
             frame, unlit = flattened(frame, self.settings.sigma), frame
         if not lasting:
             digest.result()
-        return Prepared(frame, digest, mean, spread, notes, bodies, unlit)
+        return Prepared(frame, digest, mean, spread, notes, within, unlit)
+
+    def bodies_of(self, mask: AnyBodies) -> Bodies | None:
+        """What a frame's mask and the region of the settings leave of it."""
+        assert self.shape is not None
+        bodies = None if mask is None else mask.of_shape(self.shape)
+        if self.region is None:
+            return bodies
+        if self._within is None or self._within[0] is not bodies:  # it is the same for many frames
+            region = self.region
+            left = Bodies.of(region, "region of interest") if bodies is None else bodies.within(region)
+            self._within = bodies, left
+        return self._within[1]
 
     def _begin(self, first: NDArray[Any], name: str) -> None:
         """Take shape, grid and the grey constant from the first frame."""
@@ -159,6 +174,9 @@ class Session:
         self.shape = (height, width)
         self.grid = Grid.over(self.shape, self.settings.step)
         self.constant, self.scale = range_of(first[::4, ::4], name)
+        asked = self.asked
+        self.guess_maps = None if self.guess is None else maps_of_guess(self.guess, self.grid)
+        self.region = region_of(self.shape, asked.roi, asked.polygons, asked.holes)
 
     def measure_pair(
         self, reference: Prepared, moved: Prepared, numbers: tuple[int, int], start: Start | None = None
@@ -222,25 +240,22 @@ class Session:
         if self.masks_move and body is None:
             number = 1 if bodies is None else next(iter(bodies.boxes))
             body = np.where(flag & FLAGS["masked"], 0, number).astype(np.int32)
-        notes = (*reference.notes, *moved.notes, *change.notes(self.asked, found.lighting, numbers))
-        notes += tuple(
-            f"frame {number}: {count} pixels of one value at the rim, where the other frame has content, are taken for "
-            "beyond its end"
-            for number, count in zip(numbers, blank, strict=True)
-            if count
-        )
-        if copied:
-            notes += (
-                f"frames {numbers[0]} and {numbers[1]}: {copied:.0%} of the pixels are copies that the video codec made of "
-                "the frame before; they are no evidence of motion, and are left out",
-            )
-        if dead:
-            notes += (f"frames {numbers[0]} and {numbers[1]}: {dead} dead or hot pixels were replaced",)
+        change_notes = change.notes(self.asked, found.lighting, numbers)
+        notes = (*self._notes_of_masks(reference, moved), *reference.notes, *moved.notes, *change_notes)
+        notes += _notes_of_pixels(numbers, blank, copied, dead)
         windows = found.window[~failed] if not failed.all() else found.window
         return PairResult(
             **measured, flag=flag, body=body, window=float(np.nanmedian(windows)), numbers=numbers,
             digest=digest.hexdigest()[:16], notes=notes, memory=memory, rho=found.rho,
         )  # fmt: skip
+
+    def _notes_of_masks(self, reference: Prepared, moved: Prepared) -> tuple[str, ...]:
+        """What should be known of the masks of a pair, each thing once."""
+        notes = self.masks.notes
+        for bodies in (reference.bodies, moved.bodies if self.masks_move else None):
+            if bodies is not None:
+                notes += said_of_mask(bodies, self.settings.window)
+        return tuple(dict.fromkeys(notes))
 
     def _without_blanks(
         self, reference: Prepared, moved: Prepared
@@ -340,7 +355,7 @@ class Session:
         grid, places = self._grid_in(points, part)
         region, asked, other = self._frames_of(reference, moved, number, part)
         known = None if start is None else start.of(number, places, grid)
-        guess = None if self.guess is None else maps_of_guess(self.guess, self.grid)[(slice(None), *places)]
+        guess = None if self.guess_maps is None else self.guess_maps[(slice(None), *places)]
         light = self._light(reference, moved, number, part, grid)
         doubtful = self.asked.lighting == "auto" and settings.lighting == "gain+offset"
         if settings.reference == "second":
@@ -381,7 +396,9 @@ class Session:
                     "mask is True only where frame 0 has no value (NaN or infinite): nothing is left to measure"
                 )
         if self.masks_move and moved.bodies is not None:
-            own = moved.bodies.of_number(self._partner(reference, moved, number), part)
+            # the region of the settings is that of frame 0: what moves out of it is still there
+            there = moved.bodies.whole or moved.bodies
+            own = there.of_number(self._partner(reference, moved, number), part)
             other = other.within(both_valid(own, other.valid))
             if number is None and not other.valid.any():
                 raise BadFrameError(
@@ -410,7 +427,9 @@ class Session:
             return None
         there = None
         if self.masks_move and moved.bodies is not None:
-            there = moved.bodies.of_number(self._partner(reference, moved, number), part)
+            there = (moved.bodies.whole or moved.bodies).of_number(
+                self._partner(reference, moved, number), part
+            )
         backwards = self.settings.reference == "second"
         frames = reference.unlit.part(part), moved.unlit.part(part)
         return RegionLight(
@@ -432,7 +451,35 @@ class Session:
             Further attributes.
         """
         assert self.shape is not None
-        return field_of_pair(result, times, names, self.grid, self.shape, self.asked).assign_attrs(attrs)
+        if self.masks.said:
+            attrs["mask"] = self.masks.said
+        field = field_of_pair(result, times, names, self.grid, self.shape, self.asked).assign_attrs(attrs)
+        if self.guess_maps is None or is_stored_in_settings(self.guess):
+            return field
+        said = {"long_name": "first guess of the six numbers, in the order of param", "units": "px, 1"}
+        six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, self.guess_maps, axes=1), 0, -1)
+        return field.assign(guess=(("time", "y", "x", "param"), six[None], said))
+
+
+def _notes_of_pixels(
+    numbers: tuple[int, int], blank: tuple[int, int], copied: float, dead: int
+) -> tuple[str, ...]:
+    """What was done to pixels of a pair: the number that is blank in each frame, the share of copies, dead ones."""
+    notes = [
+        f"frame {number}: {count} pixels of one value at the rim, where the other frame has content, are taken for "
+        "beyond its end"
+        for number, count in zip(numbers, blank, strict=True)
+        if count
+    ]
+    pair = f"frames {numbers[0]} and {numbers[1]}"
+    if copied:
+        notes.append(
+            f"{pair}: {copied:.0%} of the pixels are copies that the video codec made of the frame before; they are no "
+            "evidence of motion, and are left out"
+        )
+    if dead:
+        notes.append(f"{pair}: {dead} dead or hot pixels were replaced")
+    return tuple(notes)
 
 
 def _sample(image: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:

@@ -13,7 +13,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict, get_args
 
+from sixflow.affine_guess import Numbers, as_numbers
 from sixflow.errors import InputError
+from sixflow.region import as_polygons, as_rectangle
 from sixflow.values import (
     A_SCALE,
     is_choice,
@@ -37,6 +39,9 @@ Group = Literal["affine", "similarity", "euclidean", "translation"]
 Search = Literal["auto", "pyramid", "spectrum", "guess"]
 Method = Literal["least_squares", "eigenfilter"]
 Reference = Literal["first", "middle", "second"]
+Polygons: TypeAlias = Any
+"""Corners [[x, y], …] of one polygon or several, or text, as it is given; kept as tuples (`sixflow.region`)."""
+_SEARCHES = get_args(Search)
 Window: TypeAlias = Any
 """A number, or "auto" as it is asked for; what measures has a number (`sixflow.resolution.ladder`)."""
 
@@ -94,9 +99,9 @@ class Settings:
     search : {"auto", "pyramid", "spectrum"} or a first guess
         How large motion is found. "pyramid": from coarse to fine. "spectrum": from the affine map that the whole
         frames have in common, of any turn, zoom, shear and shift. "auto": from coarse to fine, and for points that
-        are missed so, growth from their neighbours and the map of "spectrum". A first guess is given to a
-        measurement in place of the word, and stands here as "guess": six numbers (u, v, divergence, curl, stretch,
-        shear) about pixel (0, 0), a 2 × 3 or 3 × 3 matrix of (x, y, 1), a field, or a function (x, y) → (u, v).
+        are missed so, growth from their neighbours and the map of "spectrum". A first guess takes the place of the
+        word: six numbers (u, v, divergence, curl, stretch, shear) about pixel (0, 0), or a 2 × 3 or 3 × 3 matrix of
+        (x, y, 1). A measurement also takes a field, or a function (x, y) → (u, v), which stands here as "guess".
     levels : int or None
         Number of halvings of the frame that the search for large motion starts from, 0 to 12. None
         chooses it from frame and window.
@@ -105,6 +110,14 @@ class Settings:
     tolerance : float
         A point has converged when it is closer than this to where more passes would bring it, px,
         greater than 0.
+    roi : str or None
+        Rectangle to measure in, "x0:x1,y0:y1", px of the reference frame: columns x0 to x1 − 1 and rows y0 to y1 − 1,
+        as slices are. An open end, as in "100:,:300", reaches to the edge.
+    polygons : polygons or text
+        Measure inside these alone, px of the reference frame: corners [[x, y], …] of one, or several of these; as text
+        "10,10 90,10 50,80; …". A pixel is inside if its centre is. Parts that a gap separates are measured apart.
+    holes : polygons or text
+        Leave out what is inside these; written as `polygons`. A mask, `roi`, `polygons` and `holes` hold together.
     float64 : bool
         Compute in double precision: twice the memory, for noise-free studies.
     pixel_size : float or None
@@ -141,10 +154,13 @@ class Settings:
     robust: bool = True
     forward_backward: bool = False
     replace_failed: bool = False
-    search: Search = "auto"
+    search: Search | Numbers = "auto"
     levels: int | None = None
     passes: int = 8
     tolerance: float = 0.005
+    roi: str | None = None
+    polygons: Polygons = ()
+    holes: Polygons = ()
     float64: bool = False
     pixel_size: float | None = None
     length_unit: str = "mm"
@@ -197,7 +213,10 @@ class Settings:
             f"must be 0 with method={self.method!r}, whose operators have a band of their own; "
             "take method='least_squares'",
         )
-        require_choice("search", self.search, get_args(Search))
+        if isinstance(self.search, str) and "," not in self.search:
+            require_choice("search", self.search, _SEARCHES)
+        else:
+            object.__setattr__(self, "search", as_numbers(self.search))
         require_choice("lighting", self.lighting, get_args(Lighting))
         require(
             self.levels is None or is_whole(self.levels, 0, 12),
@@ -214,6 +233,10 @@ class Settings:
             self.tolerance,
             f"must be a positive number of pixels, at most {WIDEST}, such as 0.005",
         )
+        if self.roi is not None:
+            as_rectangle(self.roi)
+        for name in ("polygons", "holes"):
+            object.__setattr__(self, name, as_polygons(getattr(self, name), name))
         for name in ("float64", "robust", "forward_backward", "replace_failed"):
             value = getattr(self, name)
             require(isinstance(value, bool), name, value, "must be True or False")
@@ -272,6 +295,25 @@ class Settings:
         return cls(**values)
 
     @classmethod
+    def from_json(cls, text: str) -> Settings:
+        """Settings from the JSON object of `to_json`: those of a field from ``field.attrs["settings"]``.
+
+        Raises
+        ------
+        InputError
+            If it is no JSON object, or holds an unknown name or a bad value.
+        """
+        try:
+            values = json.loads(text)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise InputError(
+                f"settings are no JSON ({error}); give what Settings.to_json returned"
+            ) from error
+        if not isinstance(values, dict):
+            raise InputError(f"settings={text!r}: must be a JSON object of names and values")
+        return cls.from_mapping(values)
+
+    @classmethod
     def from_toml(cls, path: str | Path) -> Settings:
         """Settings from a TOML file, whose keys are the names of this class.
 
@@ -312,6 +354,9 @@ class SettingsOptions(TypedDict, total=False):
     levels: int | None
     passes: int
     tolerance: float
+    roi: str | None
+    polygons: Polygons
+    holes: Polygons
     float64: bool
     pixel_size: float | None
     length_unit: str

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from sixflow.errors import BadFrameError, SixflowError
 from sixflow.field.flags import FLAGS
 from sixflow.frames.bad import BadFrame
-from sixflow.masks import Bodies
+from sixflow.masks import AnyBodies, Bodies
 from sixflow.normalise import NO_MASK, both_valid
 from sixflow.pair import PairResult, Prepared
 from sixflow.placing import masked_points
@@ -28,7 +28,7 @@ Tried: TypeAlias = Prepared | BadFrame
 """A frame of a recording, ready to be measured, or why it cannot be."""
 
 
-def try_frame(session: Session, raw: ArrayLike | BadFrame, name: str, bodies: Bodies | None = None) -> Tried:
+def try_frame(session: Session, raw: ArrayLike | BadFrame, name: str, bodies: AnyBodies = None) -> Tried:
     """Check and normalise one frame of a recording.
 
     Raises
@@ -52,7 +52,7 @@ def try_pair(
     session: Session,
     frames: tuple[Tried, Tried],
     numbers: tuple[int, int],
-    bodies: Bodies | None,
+    bodies: AnyBodies,
     start: Start | None = None,
 ) -> PairResult:
     """Measure a pair of a recording; where a frame of it cannot be used, all its points are flagged.
@@ -63,7 +63,7 @@ def try_pair(
     frames : (Prepared or BadFrame, Prepared or BadFrame)
     numbers : (int, int)
         Of the two frames.
-    bodies : Bodies or None
+    bodies : Bodies, Outlined or None
         Of the first frame's mask.
     start : Start, optional
         As for `Session.measure_pair`.
@@ -78,7 +78,8 @@ def try_pair(
         if session.strict or not (bad or isinstance(error, BadFrameError)):
             raise
         note = f"frames {numbers[0]} and {numbers[1]} were not measured: {error}"
-        return _unmeasured(session, frames, bodies, numbers, "bad_frame", note)
+        left = session.bodies_of(bodies) if isinstance(reference, BadFrame) else reference.bodies
+        return _unmeasured(session, frames, left, numbers, "bad_frame", note)
 
 
 def repeated(session: Session, reference: Prepared, moved: Prepared, numbers: tuple[int, int]) -> PairResult:

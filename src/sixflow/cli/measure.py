@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -21,10 +20,9 @@ from sixflow.settings import Settings
 from sixflow.version import __version__
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from sixflow.cli.tally import Tally
     from sixflow.frames import FrameSource
+    from sixflow.masks import MaskFile
     from sixflow.recording import Schedule
     from sixflow.sequence import Update
 
@@ -70,7 +68,8 @@ def measure(
     settings
         TOML file of settings, with lines such as: window = 41. Flags win over it.
     mask
-        Image of the frames' size: non-zero where to measure. A stack has one for each frame, for bodies that move.
+        Picture of the frames' size: non-zero where to measure; also .npy, and .roi or .zip of ImageJ. A stack or a
+        folder has one for each frame, for bodies that move.
     bodies
         The values of the mask are numbers of bodies, which are measured apart even where they touch.
     pairs
@@ -111,9 +110,8 @@ def measure(
         Schedule(pairs, lag),
         update,
         strict,
-        None if mask is None else read_mask(mask, bodies=bodies),
+        None if mask is None else _open_mask(mask, bodies, source),
     )
-    _require_masks(job, mask)
     tally, seconds = _measure_into(output, job, overwrite=overwrite, resume=resume, quiet=quiet)
     if picture is not None:
         _draw_first(job, picture)
@@ -132,7 +130,7 @@ class Job:
     schedule: Schedule
     update: Update
     strict: bool
-    mask: NDArray[Any] | None
+    mask: MaskFile | None
 
     @property
     def pair_count(self) -> int:
@@ -154,7 +152,7 @@ class Job:
     @property
     def identity(self) -> dict[str, str]:
         """What tells this measurement from others, when an interrupted one is continued."""
-        mask = "none" if self.mask is None else hashlib.sha256(self.mask.tobytes()).hexdigest()[:16]
+        mask = "none" if self.mask is None else self.mask.digest
         return {
             "settings": self.settings.to_json(),
             "frames": f"{len(self.source)} frames, the first with digest {self.source.fingerprint}",
@@ -206,45 +204,17 @@ def _draw_first(job: Job, path: Path) -> None:
         plot_field(field, None if isinstance(frame, BadFrame) else frame, path=partial)
 
 
-def read_mask(path: Path, *, bodies: bool = False) -> NDArray[Any]:
-    """Return where the mask is not zero, or its values as numbers of bodies, from an image file.
+def _open_mask(path: Path, bodies: bool, source: FrameSource) -> MaskFile:
+    """Read the mask, and check its number and shape before anything is measured."""
+    from sixflow.masks import Masks, open_mask
 
-    Returns
-    -------
-    bool array, or int array if `bodies`
-        Shape (height, width), or (n, height, width) of a stack.
-
-    Raises
-    ------
-    FrameFileError
-        If the file cannot be read.
-    InputError
-        If it is a JPEG, whose compression disturbs the values, or the numbers of bodies are no whole numbers.
-    """
-    import numpy as np
-
-    from sixflow.frames import open_frames
-
-    if path.suffix.lower() in (".jpg", ".jpeg"):
-        raise InputError(
-            f"mask {path}: JPEG compression disturbs the zeros of a mask; save it as PNG or TIFF"
-        )
-    source = open_frames(path)
-    values = np.stack(list(source))
-    if bodies:
-        if not (values == np.floor(values)).all():
-            raise InputError(f"mask {path}: has values that are no whole numbers; number the bodies 1, 2, …")
-        marked = values.astype(np.int64)
-    else:
-        marked = (values != 0) & (values == values)  # NaN is no value, so not measured
-    return marked[0] if len(marked) == 1 else marked
-
-
-def _require_masks(job: Job, path: Path | None) -> None:
-    if job.mask is not None and job.mask.ndim == 3 and len(job.mask) != len(job.source):
-        raise InputError(
-            f"mask {path}: {len(job.mask)} masks for {len(job.source)} frames; give one for each frame, or one for all"
-        )
+    file = open_mask(path, bodies=bodies)
+    masks = Masks(file)
+    masks.require(len(source))
+    first = masks.at(0)
+    if first is not None:
+        first.of_shape(source.shape)
+    return file
 
 
 def say_notes(notes: Iterable[str]) -> None:

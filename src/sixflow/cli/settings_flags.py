@@ -54,6 +54,7 @@ def _flags(title: str, names: tuple[str, ...] | None = None) -> Any:
     """Return a typed dictionary whose keys are the settings, or those of them that are named."""
     hints, texts = get_type_hints(SettingsOptions), settings_help()
     group = Group.create_ordered(title)
+    hints |= dict.fromkeys(("polygons", "holes"), str)  # as text
     keys = {
         field.name: Annotated[
             hints[field.name],
@@ -61,7 +62,7 @@ def _flags(title: str, names: tuple[str, ...] | None = None) -> Any:
                 help=texts[field.name],
                 converter=number_reader(hints[field.name]) if _is_number(hints[field.name]) else None,
                 group=group,
-                show_default=False if names or field.default is None else str(field.default),
+                show_default=False if names or field.default in (None, ()) else str(field.default),
             ),
         ]
         for field in dataclasses.fields(Settings)

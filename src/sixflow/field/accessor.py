@@ -252,6 +252,19 @@ class SixflowAccessor:
         """
         return selection.flagged(self._field, name)
 
+    @property
+    def guess(self) -> xr.Dataset:
+        """The first guess that the field was measured with, as a field: for `search` of another measurement.
+
+        A guess in numbers stands in the settings instead.
+
+        Raises
+        ------
+        InputError
+            If the field holds none.
+        """
+        return selection.first_guess(self._field)
+
     # Between the grid points
 
     def dense(self) -> xr.Dataset:
@@ -365,8 +378,8 @@ class SixflowAccessor:
         """Average the six numbers over the pairs of a recording, with the covariance of the mean.
 
         At every point the mean is of the pairs that are valid there; `pairs` tells how many. Flags are those of these
-        pairs together, or of all where none is valid. Errors of a frame that several pairs share as their
-        reference, or as their moved frame, do not average out. That noise cancels between consecutive pairs is left out, so that the
+        pairs together, or of all where none is valid. Errors of a frame that several pairs share as their reference, or
+        as their moved frame, do not average out. That noise cancels between consecutive pairs is left out, so that the
         standard errors of their mean are rather too large (`sixflow.field.average`).
 
         `field.mean("time")` of xarray averages flags and covariances as if they were values; what it returns is

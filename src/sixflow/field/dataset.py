@@ -10,6 +10,7 @@
 | resolution | time, y, x | px | period of a sine displacement that the point attenuates by 10 % |
 | flag | time, y, x | – | CF flag_masks, `FLAGS` |
 | body | time, y, x | – | number of the body in the mask, 0 where masked; where there are several, or moving masks |
+| guess | time, y, x, param | px, 1 | first guess of the six, where a field or a function was given |
 | moved_covariance | as covariance | as covariance | the part from the moved frame's noise; where motions are joined |
 | measured_from | time | – | number of the frame compared with; where motions are joined |
 | frame0, frame1 | time | – | numbers of the reference and the moved frame in the whole recording |

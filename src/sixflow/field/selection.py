@@ -198,3 +198,17 @@ def masked_and_failed(pair: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.b
     missing = ~valid(pair).values
     masked = flagged(pair, "masked").values if "flag" in pair else np.zeros_like(missing)
     return masked, missing & ~masked
+
+
+def first_guess(field: xr.Dataset) -> xr.Dataset:
+    """Return the first guess that a field was measured with, as a field of the six numbers; see the accessor."""
+    if "guess" not in field:
+        raise InputError(
+            "guess: the field was measured without a field or a function as first guess; "
+            "one in numbers stands in its settings"
+        )
+    guess = field["guess"].isel(time=0) if "time" in field["guess"].dims else field["guess"]
+    six = {name: guess.sel(param=name, drop=True) for name in guess["param"].values.tolist()}
+    return xr.Dataset(
+        {name: part.assign_attrs(units="px" if name in "uv" else "1") for name, part in six.items()}
+    )

@@ -57,7 +57,7 @@ class FrameSource(abc.ABC):
     """
 
     _one_scale = True
-    """Whether frames of another stored type than the first are unlike it, as in files, or as good as any, as in memory."""
+    """Whether frames of another stored type than the first are unlike it; not those in memory."""
 
     def __init__(self, selection: Selection = Selection()) -> None:  # noqa: B008 - it is frozen
         self._colour = selection.channel

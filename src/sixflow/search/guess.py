@@ -10,7 +10,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
@@ -18,6 +17,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.affine_guess import KINDS, as_numbers
 from sixflow.convention import SIX
 from sixflow.convention.six import GRADIENT_FROM_SIX
 from sixflow.errors import InputError
@@ -27,12 +27,6 @@ from sixflow.settings import Settings
 from sixflow.validate import fill_failed
 
 Guess: TypeAlias = ArrayLike | xr.Dataset | Callable[[Any, Any], Any]
-
-_KINDS = (
-    "six numbers (u, v, divergence, curl, stretch, shear) about pixel (0, 0), a 2×3 or 3×3 matrix of (x, y, 1), "
-    "a field, or a function (x, y) → (u, v)"
-)
-_LEAST_AREA = 0.01
 
 
 def maps_of_guess(guess: Guess, grid: Grid) -> NDArray[np.float64]:
@@ -69,25 +63,11 @@ def maps_of_guess(guess: Guess, grid: Grid) -> NDArray[np.float64]:
 
 
 def _of_numbers(guess: ArrayLike) -> NDArray[np.float64]:
-    values = np.empty(0)
-    with contextlib.suppress(TypeError, ValueError):
-        values = np.asarray(guess, dtype=np.float64)
-    if values.shape not in ((6,), (2, 3), (3, 3)):
-        raise InputError(f"search={guess!r}: a first guess must be {_KINDS}")
-    if not np.isfinite(values).all():
-        raise InputError(f"search={guess!r}: the numbers of a first guess must be finite")
+    values = np.array(as_numbers(guess))
     if values.shape == (6,):
         plane: NDArray[np.float64] = GRADIENT_FROM_SIX @ values
-    else:
-        if values.shape == (3, 3) and not np.array_equal(values[2], (0, 0, 1)):
-            raise InputError(f"search={guess!r}: the last row of an affine matrix must be 0, 0, 1")
-        plane = np.concatenate([values[:2, 2], (values[:2, :2] - np.eye(2)).ravel()])
-    area = (1 + plane[2]) * (1 + plane[5]) - plane[3] * plane[4]
-    if not area > _LEAST_AREA:
-        raise InputError(
-            f"search={guess!r}: the map folds or collapses the plane, det = {area:.3g}; it must be positive"
-        )
-    return plane
+        return plane
+    return np.concatenate([values[:, 2], (values[:, :2] - np.eye(2)).ravel()])
 
 
 def _of_function(function: Callable[[Any, Any], Any], grid: Grid) -> NDArray[np.float64]:
@@ -151,18 +131,27 @@ def _grid_of(field: xr.Dataset) -> Grid:
 
 
 def without_guess(settings: Settings, options: Mapping[str, Any]) -> tuple[Settings, Guess | None]:
-    """Settings with some changed, and the first guess where `search` is one: then they say `search="guess"`.
+    """Settings with some changed, and the first guess where `search` is one.
+
+    Settings hold a guess in numbers as it is, and say `search="guess"` of a field or a function.
 
     Raises
     ------
     InputError
         If an option is no setting or out of range, or if a guess is announced and not given.
     """
-    guess = options.get("search")
-    if guess is None or isinstance(guess, str):
-        guess, changed = None, settings.replace(**options)
-    else:
-        changed = settings.replace(**{**options, "search": "guess"})
-    if changed.search == "guess" and guess is None:
-        raise InputError("search='guess': give the first guess itself, measure(..., search=guess): " + _KINDS)
-    return changed, guess
+    guess = options.get("search", settings.search)
+    if isinstance(guess, xr.Dataset) or callable(guess):
+        return settings.replace(**{**options, "search": "guess"}), guess
+    changed = settings.replace(**options)
+    if changed.search == "guess":
+        raise InputError(
+            f"search='guess': give the first guess itself, measure(..., search=guess): {KINDS}. A field that was "
+            "measured with a field or a function holds it: search=field.sixflow.guess"
+        )
+    return changed, None if isinstance(changed.search, str) else changed.search
+
+
+def is_stored_in_settings(guess: Guess | None) -> bool:
+    """Whether a first guess is in numbers, or there is none."""
+    return not (isinstance(guess, xr.Dataset) or callable(guess))

@@ -1,4 +1,4 @@
-"""Masks: where to measure, in which frame, and which pixels move together.
+"""Bodies: which pixels of a frame are measured, and which of them move together.
 
 A mask of bool is cut into its connected parts (neighbours along rows, columns and diagonals): what a gap separates may
 move on its own, and is measured apart, so that no window looks across. A mask of whole numbers names the bodies: 0 is
@@ -11,17 +11,12 @@ within `REACH` px are not counted, though grid points on them are measured.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any, TypeAlias, cast
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.errors import InputError
-
-MaskLike: TypeAlias = ArrayLike | Iterable[ArrayLike | None] | Callable[[int], ArrayLike | None]
-"""One mask for all, or one for each frame: an array (n, height, width), an iterable, or a function of the number."""
 
 REACH = 2
 _ALL_AROUND = np.ones((3, 3), np.bool_)
@@ -43,6 +38,12 @@ class Bodies:
         Rows and columns of each body.
     content : bytes
         For digests.
+    name : str
+        Of the mask, for messages.
+    remark : str
+        Which values the mask has, if that is known and none is outside.
+    whole : Bodies or None
+        Without the region that the settings leave of it; None where they leave all.
     """
 
     labels: NDArray[np.int32]
@@ -50,9 +51,12 @@ class Bodies:
     clear: NDArray[np.bool_] | None
     boxes: dict[int, tuple[slice, slice]]
     content: bytes
+    name: str = "mask"
+    remark: str = ""
+    whole: Bodies | None = None
 
     @classmethod
-    def of(cls, mask: ArrayLike, name: str = "mask") -> Bodies:
+    def of(cls, mask: ArrayLike, name: str = "mask", remark: str = "") -> Bodies:
         """Find the bodies of a mask.
 
         Raises
@@ -67,7 +71,7 @@ class Bodies:
         >>> sorted(Bodies.of(np.array([[7, 0, 7]])).boxes)
         [7]
         """
-        array = np.asarray(mask)
+        array = mask.filled(0) if isinstance(mask, np.ma.MaskedArray) else np.asarray(mask)
         if array.dtype.kind not in "biu" or array.ndim != 2:
             raise InputError(
                 f"{name} has dtype {array.dtype} and shape {array.shape}: must be a (height, width) array of bool, "
@@ -92,7 +96,38 @@ class Bodies:
         boxes = dict(zip(numbers.tolist(), scipy.ndimage.find_objects(compact), strict=True))
         clear = _clear(labels) if len(boxes) > 1 else None
         content = labels if len(boxes) > 1 else (labels != 0).astype(np.uint8)
-        return cls(labels, array.dtype.kind != "b", clear, boxes, content.tobytes())
+        return cls(labels, array.dtype.kind != "b", clear, boxes, content.tobytes(), name, remark)
+
+    def of_shape(self, shape: tuple[int, int]) -> Bodies:
+        """Return the bodies of frames of a shape.
+
+        Raises
+        ------
+        InputError
+            If they are of another.
+        """
+        if self.labels.shape != shape:
+            raise InputError(
+                f"{self.name} has shape {self.labels.shape}, the frames {shape}: the mask must have the frames' shape"
+            )
+        return self
+
+    def within(self, region: NDArray[np.bool_]) -> Bodies:
+        """Return the bodies in a region of the settings.
+
+        Raises
+        ------
+        InputError
+            If none is.
+        """
+        left = self.labels * region
+        if not left.any():
+            raise InputError(
+                f"{self.name} and the region of roi, polygons and holes have no pixel in common: "
+                "nothing is left to measure"
+            )
+        inside = Bodies.of(left if self.named else left != 0, self.name)
+        return dataclasses.replace(inside, whole=self)
 
     def of_number(self, number: int | None, part: tuple[slice, slice]) -> NDArray[np.uint8]:
         """Where a body is in a part of the frame; None: any of them."""
@@ -107,67 +142,3 @@ def _clear(labels: NDArray[np.int32]) -> NDArray[np.bool_]:
     lowest = scipy.ndimage.minimum_filter(np.where(labels == 0, nothing, labels), side, mode="nearest")
     clear: NDArray[np.bool_] = (highest == labels) & (lowest == labels)
     return clear
-
-
-class Masks:
-    """The masks of a recording, handed out frame by frame.
-
-    Parameters
-    ----------
-    mask : None, array, iterable or callable
-        See `MaskLike`.
-
-    Raises
-    ------
-    InputError
-        If a mask cannot be used; later, if there are fewer than frames.
-    """
-
-    def __init__(self, mask: MaskLike | None) -> None:
-        self._one: Bodies | None = None
-        self._ask: Callable[[int], Any] | None = None
-        self._each: Iterator[Any] | None = None
-        self._taken = 0
-        self._now: Bodies | None = None
-        if mask is None:
-            return
-        if callable(mask):
-            self._ask = mask
-        elif _is_series(mask):
-            self._each = iter(cast(Iterable[Any], mask))
-        else:
-            self._one = Bodies.of(cast(ArrayLike, mask))
-
-    @property
-    def moving(self) -> bool:
-        """Whether there is one for each frame."""
-        return self._ask is not None or self._each is not None
-
-    def at(self, number: int) -> Bodies | None:
-        """The bodies of a frame, or None where everything counts; frames are asked for in order."""
-        name = f"mask of frame {number}"
-        if self._ask is not None:
-            mask = self._ask(number)
-        elif self._each is not None:
-            while self._taken <= number:
-                mask = next(self._each, self)
-                if mask is self:
-                    raise InputError(
-                        f"mask has {self._taken} masks, but there is a frame {self._taken}: "
-                        "give one for each frame, or one for all"
-                    )
-                self._taken += 1
-        else:
-            return self._one
-        return None if mask is None else Bodies.of(mask, name)
-
-
-def _is_series(mask: Any) -> bool:
-    """Tell one mask for each frame from one for all."""
-    if isinstance(mask, str | bytes) or not isinstance(mask, Iterable):
-        return False
-    if hasattr(mask, "__array__"):
-        return np.asarray(mask).ndim == 3
-    if isinstance(mask, list | tuple):
-        return any(one is None or np.ndim(one) == 2 for one in mask)
-    return True
