@@ -348,3 +348,36 @@ def test_help_loads_nothing_heavy():
     code = f"import sys; from sixflow.cli import main; main(['--help']); print({heavy} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "set()"
+
+
+# Which frames
+
+
+def test_frames_are_chosen_by_flags(place, capsys):
+    values = np.stack([make_frames(6), make_frames(6)[::-1]], 1)
+    tifffile.imwrite(
+        "two.tif", values, imagej=True, metadata={"axes": "TCYX", "finterval": 0.5, "unit": "um"}
+    )
+    assert run("info two.tif") == 2
+    assert "holds the channels 0, 1 (channel=); choose one" in capsys.readouterr().err
+    assert run("info two.tif --channel 1 --first 1 --last 5 --every 2") == 0
+    out = capsys.readouterr().out
+    assert out.startswith("two.tif, frames 1 to 5, every 2: 3 frames of 64×64 px")
+    assert "names       two.tif[1] to two.tif[5]" in out
+    assert "interval    0.5 s" in out
+    assert run("measure two.tif -o two.nc --channel 0 --last 1 --window 21") == 0
+    assert load("two.nc").sizes["time"] == 1
+    assert run("measure two.tif -o three.nc --channel red --last 1") == 2
+    assert "channel='red': there is none of this name" in capsys.readouterr().err
+
+
+def test_info_tells_frames_from_fields_in_arrays(place, field_file, capsys):
+    import zarr
+
+    zarr.save("frames.zarr", make_frames(3))
+    assert run("info frames.zarr") == 0
+    assert capsys.readouterr().out.startswith("frames.zarr: 3 frames of 64×64 px")
+    assert run("info field.nc") == 0
+    assert "a field of 3 pairs" in capsys.readouterr().out
+    assert run("measure field.nc -o other.nc") == 2
+    assert "is a field that sixflow wrote, not a recording" in capsys.readouterr().err

@@ -25,6 +25,16 @@ from sixflow.frames.source import FrameSource, Raw
 Array: TypeAlias = NDArray[Any]
 
 
+@dataclasses.dataclass(frozen=True)
+class _Known:
+    """What is known of a file before it is read; as of `FrameFile`."""
+
+    count: int
+    place: str
+    origin: str
+    times: Array | None
+
+
 class FileSource(FrameSource):
     """Files of one format, of which each holds one frame or several.
 
@@ -41,12 +51,14 @@ class FileSource(FrameSource):
 
     def __init__(self, found: FoundFiles, selection: Selection = Selection()) -> None:  # noqa: B008 - it is frozen
         self._found, self._selection = found, selection
-        self._first = self._first_that_opens()
+        self._first_place, self._first = self._first_that_opens()
         self._file_notes = Notebook()
         self._own: list[str] = []
-        self._counts = self._count_all()
+        known = self._survey()
+        self._counts = [1 if one is None else one.count for one in known]
         self._ends = list(itertools.accumulate(self._counts))
-        self._known_times = self._join_times()
+        _require_one_recording(found, known)
+        self._known_times = self._join_times(known)
         applied = self._first.applied
         refuse_choices(selection, str(self._first.path), [*applied, "channel"])
         taken = dataclasses.replace(selection, channel=None) if "channel" in applied else selection
@@ -65,74 +77,60 @@ class FileSource(FrameSource):
             selection = dataclasses.replace(selection, position=dataset)
         return self._found.format.open(path, selection)
 
-    def _first_that_opens(self) -> FrameFile:
-        """The first file that can be read: a recording may begin with one that cannot."""
+    def _file(self, place: int) -> FrameFile:
+        return self._first if place == self._first_place else self._open(place)
+
+    def _first_that_opens(self) -> tuple[int, FrameFile]:
+        """The first file that can be read, and its place: a recording may begin with one that cannot."""
         error: FrameFileError | None = None
-        for number in range(len(self._found.paths)):
+        for place in range(len(self._found.paths)):
             try:
-                file = self._open(number)
+                file = self._open(place)
                 if file.count > 0:
-                    return file
+                    return place, file
             except FrameFileError as problem:
                 error = error or problem
         raise error or FrameFileError(f"{self._found.origin}: no frames")
 
-    def _count_all(self) -> list[int]:
+    def _survey(self) -> list[_Known | None]:
+        """What is known of each file before it is read; None of one that cannot be opened."""
         if self._first.count == 1 and not self._first.place:
-            return [1] * len(self._found.paths)
-        counts = []
-        for number in range(len(self._found.paths)):
+            return [_Known(1, "", "", self._first.times if len(self._found.paths) == 1 else None)] * len(
+                self._found.paths
+            )
+        known: list[_Known | None] = []
+        for place in range(len(self._found.paths)):
             try:
-                counts.append(self._open(number).count)
+                file = self._file(place)
+                known.append(_Known(file.count, file.place, file.origin, file.times))
             except FrameFileError:
-                counts.append(1)  # a bad frame in its place
-        return counts
+                known.append(None)  # a bad frame in its place
+        return known
 
-    def _join_times(self) -> Array | None:
+    def _join_times(self, known: list[_Known | None]) -> Array | None:
         """Times of all frames, where the files count them from one moment."""
-        if len(self._counts) == 1:
-            return self._first.times
-        if self._first.place:
-            self._require_one_place()
-        several = max(self._counts) > 1
-        if not self._first.origin or not self._first.times is not None:
-            if several and self._first.times is not None:
+        first = self._first
+        if len(known) == 1 or first.times is None:
+            return first.times
+        if not first.origin:
+            if max(self._counts) > 1:
                 self._own.append(
                     "the times of the files are not used: each file counts from its own beginning, and the time "
                     "between them is unknown"
                 )
             return None
-        times = []
-        for number in range(len(self._counts)):
-            try:
-                file = self._open(number)
-                known = file.times if file.origin == self._first.origin else None
-            except FrameFileError:
-                known = None
-            if known is None:
-                return None
-            times.append(known)
+        times = [
+            one.times
+            for one in known
+            if one is not None and one.origin == first.origin and one.times is not None
+        ]
+        if len(times) < len(known):
+            return None
         joined = np.concatenate(times)
         if (np.diff(joined) > 0).all():
             return joined
         self._own.append("the times that the files state do not grow in this order: left out")
         return None
-
-    def _require_one_place(self) -> None:
-        """Refuse files of one set that hold several positions, channels or slices."""
-        places: dict[str, str] = {}
-        for number, path in enumerate(self._found.paths):
-            try:
-                places.setdefault(self._open(number).place, path.name)
-            except FrameFileError:
-                continue
-        if len(places) > 1:
-            shown = "; ".join(
-                f"{place or 'another recording'} in {name}" for place, name in list(places.items())[:8]
-            )
-            raise InputError(
-                f"{self._found.origin}: the files of one set hold several recordings: {shown}; give those of one"
-            )
 
     @property
     def count(self) -> int:
@@ -190,7 +188,7 @@ class FileSource(FrameSource):
         inside = range(wanted.start - before, wanted.stop - before, wanted.step)
         given = iter(inside)
         try:
-            file = self._first if path == self._first.path else self._open(place)
+            file = self._file(place)
             if count == 1 and file.count > 1:
                 raise FrameFileError(
                     f"{path}: holds more than {count} frame{'s' * (count != 1)}, unlike the first file; "
@@ -236,6 +234,21 @@ class FileSource(FrameSource):
                 f"iterate over the source, or over source.iterate({number})"
             )
         return super()._one(number)
+
+
+def _require_one_recording(found: FoundFiles, known: list[_Known | None]) -> None:
+    """Refuse files of one set that hold several positions, channels or slices."""
+    places: dict[str, str] = {}
+    for one, path in zip(known, found.paths, strict=True):
+        if one is not None:
+            places.setdefault(one.place, path.name)
+    if len(places) > 1:
+        shown = "; ".join(
+            f"{place or 'another recording'} in {name}" for place, name in list(places.items())[:8]
+        )
+        raise InputError(
+            f"{found.origin}: the files of one set hold several recordings: {shown}; give those of one"
+        )
 
 
 def _inside(numbers: range, begin: int, end: int) -> range:

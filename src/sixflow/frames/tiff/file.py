@@ -94,8 +94,8 @@ class TiffFile(FrameFile):
     @property
     def _layout(self) -> _Layout:
         if self._found is None:
-            with self._opened() as (tif, chain), captured_log():
-                self._found = self._look(tif, chain)
+            with self._opened() as (pages, chain), captured_log():
+                self._found = self._look(pages, chain)
         return self._found
 
     def read(self, start: int = 0) -> Iterator[Array | BadFrame]:
@@ -113,8 +113,7 @@ class TiffFile(FrameFile):
     def frames(self, numbers: range) -> Iterator[Array | BadFrame]:
         """Yield the frames of these numbers; others are not read."""
         layout = self._layout
-        with self._opened() as (tif, _):
-            pages = Pages(tif, self.path, keep_indices=layout.keep_indices)
+        with self._opened(layout.keep_indices) as (pages, _):
             for number in numbers:
                 name = f"{self.path}[{number}]" if self.count > 1 else str(self.path)
                 plane = layout.planes[number]
@@ -131,25 +130,24 @@ class TiffFile(FrameFile):
                 yield pixels
 
     @contextlib.contextmanager
-    def _opened(self) -> Iterator[tuple[Any, Chain]]:
+    def _opened(self, keep_indices: bool = False) -> Iterator[tuple[Pages, Chain]]:
         with contextlib.ExitStack() as resources:
             try:
                 chain = read_chain(self.path)
                 if chain is not None and not chain.offsets:
                     raise damaged(self.path, chain.broken, is_cut="begin as" not in chain.broken)
-                with captured_log():
+                with captured_log() as messages:
                     tif = resources.enter_context(tifffile.TiffFile(self.path, _multifile=False))
                     chain = Chain(tuple(range(len(tif.pages)))) if chain is None else chain
             except FrameFileError:
                 raise
             except DAMAGE as error:
                 raise damaged(self.path, str(error)) from error
-            yield tif, chain
+            yield Pages(tif, self.path, keep_indices=keep_indices, messages=tuple(messages)), chain
 
-    def _look(self, tif: Any, chain: Chain) -> _Layout:
+    def _look(self, pages: Pages, chain: Chain) -> _Layout:
         """Find out where the frames are."""
-        is_imagej = imagej.is_imagej(str(tif.pages.first.description or ""))
-        pages = Pages(tif, self.path, keep_indices=is_imagej)
+        is_imagej = imagej.is_imagej(str(pages.tif.pages.first.description or ""))
         try:
             stacks = find_series(pages, chain, self.path)
         except DAMAGE as error:

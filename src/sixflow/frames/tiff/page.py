@@ -12,7 +12,7 @@ import re
 import struct
 import warnings
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -83,10 +83,14 @@ class Pages:
     path : Path
     keep_indices : bool
         Palettes only colour the display.
+    messages : list of str
+        What tifffile said of the first page, which it reads when it opens the file.
     """
 
-    def __init__(self, tif: Any, path: Path, *, keep_indices: bool = False) -> None:
-        self.tif, self.path, self.keep_indices = tif, path, keep_indices
+    def __init__(
+        self, tif: Any, path: Path, *, keep_indices: bool = False, messages: Sequence[str] = ()
+    ) -> None:
+        self.tif, self.path, self.keep_indices, self._of_first = tif, path, keep_indices, messages
         self.size = path.stat().st_size
         self._last: tuple[int, Any] | None = None
 
@@ -103,7 +107,7 @@ class Pages:
         try:
             with captured_log() as messages:
                 page = self.tif.pages.get(number)
-            _require_tags(messages, self.path, number)
+            _require_tags([*messages, *(() if number else self._of_first)], self.path, number)
             self._check(page, number)
         except FrameFileError:
             raise

@@ -64,7 +64,10 @@ def _special(pages: Pages, path: Path) -> list[Series]:
             return []
         with captured_log():
             stacks = [one for one in tif.series if not int(one.keyframe.subfiletype) & LEFT_OUT]
-            return [_of_tifffile(number, stack, tif, path) for number, stack in enumerate(stacks)]
+            found = [_of_tifffile(number, stack, tif, path) for number, stack in enumerate(stacks)]
+        if len(found) == 1 and {axis.code for axis in found[0].axes} == {"I"}:
+            return []  # nothing but pages, which tifffile may have guessed the places of
+        return found
     except FrameFileError:
         raise
     except DAMAGE:
