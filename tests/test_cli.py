@@ -350,6 +350,15 @@ def test_help_loads_nothing_heavy():
     assert done.stdout.splitlines()[-1] == "set()"
 
 
+def test_a_first_guess_in_numbers(place, capsys):
+    command = ["measure", "A.tif", "B.tif", "-o", "field.nc", *QUICK]
+    assert run([*command, "--search", "0.6,0,0,0,0,0"]) == 0
+    assert stored().search == (0.6, 0, 0, 0, 0, 0)
+    for nonsense in ("guess", "nonsense", "1,2"):
+        assert run([*command, "--overwrite", "--search", nonsense]) == 2
+    assert "search='nonsense': must be one of" in capsys.readouterr().err
+
+
 # Which frames
 
 

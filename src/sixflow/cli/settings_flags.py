@@ -54,7 +54,7 @@ def _flags(title: str, names: tuple[str, ...] | None = None) -> Any:
     """Return a typed dictionary whose keys are the settings, or those of them that are named."""
     hints, texts = get_type_hints(SettingsOptions), settings_help()
     group = Group.create_ordered(title)
-    hints |= dict.fromkeys(("polygons", "holes"), str)  # as text
+    hints |= dict.fromkeys(("search", "polygons", "holes"), str)  # numbers as text
     keys = {
         field.name: Annotated[
             hints[field.name],
