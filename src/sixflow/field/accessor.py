@@ -365,8 +365,8 @@ class SixflowAccessor:
 
         At every point the mean is of the pairs that are valid there; `pairs` tells how many. Flags are those of these
         pairs together, or of all where none is valid. Errors of a frame that several pairs share as their
-        reference, or as their moved frame, do not average out. That noise cancels between consecutive pairs is left out, so that the
-        standard errors of their mean are rather too large (`sixflow.field.average`).
+        reference, or as their moved frame, do not average out. That noise cancels between consecutive pairs is
+        left out, so that the standard errors of their mean are rather too large (`sixflow.field.average`).
 
         `field.mean("time")` of xarray averages flags and covariances as if they were values; what it returns is
         refused here and by `write_field`.

@@ -195,7 +195,7 @@ def derived_error(field: xr.Dataset, name: str, interval: float | None = None) -
         variance = covariance.isel(param=k, param2=k, drop=True)
         units = field[name].attrs.get("units", "1")
         return (
-            (variance**0.5)
+            (variance.where(variance >= 0) ** 0.5)
             .rename(f"{name}_standard_error")
             .assign_attrs(long_name=f"standard error of {name}", units=units)
         )
@@ -213,7 +213,7 @@ def derived_error(field: xr.Dataset, name: str, interval: float | None = None) -
     matrices = np.reshape(spread, (*value.shape[: len(leading)], size, size))
     variances = np.diagonal(matrices, axis1=-2, axis2=-1).reshape(value.shape)
     factor, unit = _rate(field, recipe, interval)
-    errors = np.sqrt(np.where(np.isfinite(value), variances, np.nan)) * factor
+    errors = np.sqrt(np.where(np.isfinite(value) & (variances >= 0), variances, np.nan)) * factor
     return _wrap(
         numbers, errors, recipe, f"{name}_standard_error", f"standard error of {recipe.long_name}", unit
     )
