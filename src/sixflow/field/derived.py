@@ -194,7 +194,7 @@ def derived_error(field: xr.Dataset, name: str) -> xr.DataArray:
         variance = covariance.isel(param=k, param2=k, drop=True)
         units = field[name].attrs.get("units", "1")
         return (
-            (variance**0.5)
+            (variance.where(variance >= 0) ** 0.5)
             .rename(f"{name}_standard_error")
             .assign_attrs(long_name=f"standard error of {name}", units=units)
         )
@@ -211,7 +211,7 @@ def derived_error(field: xr.Dataset, name: str) -> xr.DataArray:
     size = int(np.prod(value.shape[len(leading) :]))
     matrices = np.reshape(spread, (*value.shape[: len(leading)], size, size))
     variances = np.diagonal(matrices, axis1=-2, axis2=-1).reshape(value.shape)
-    errors = np.sqrt(np.where(np.isfinite(value), variances, np.nan))
+    errors = np.sqrt(np.where(np.isfinite(value) & (variances >= 0), variances, np.nan))
     errors, unit = _per_time(field, recipe, errors, leading)
     return _wrap(
         numbers, errors, recipe, f"{name}_standard_error", f"standard error of {recipe.long_name}", unit

@@ -186,11 +186,11 @@ def valid(field: xr.Dataset) -> xr.DataArray:
 
 
 def _has_variances(covariance: xr.DataArray) -> xr.DataArray:
-    """Whether all numbers on the diagonal are finite."""
+    """Whether all numbers on the diagonal are finite and not negative."""
     last = covariance.variable.transpose(..., "param", "param2")
     variances = np.diagonal(last.values, axis1=-2, axis2=-1)
     grid = covariance.isel(param=0, param2=0, drop=True).transpose(*last.dims[:-2])
-    return grid.copy(data=np.isfinite(variances).all(axis=-1))
+    return grid.copy(data=(np.isfinite(variances) & (variances >= 0)).all(axis=-1))
 
 
 def masked_and_failed(pair: xr.Dataset) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

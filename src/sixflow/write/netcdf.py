@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from sixflow.write.guarded import quiet
 from sixflow.write.layout import chunk_shape, fill_value
+from sixflow.write.seal import check_seal, seal
 
 _CHUNK_BYTES = 2**20
 """Bytes per chunk: what the HDF5 library keeps in memory at a time."""
@@ -39,6 +40,7 @@ def write(path: Path, parts: Iterator[xr.Dataset]) -> None:
     )
     _extend(path, parts, first.sizes.get("time", 0))
     _fix_attributes(path)
+    seal(path)
 
 
 def _plain(attrs: dict[str, Any]) -> dict[str, Any]:
@@ -121,5 +123,6 @@ def _fix_attributes(path: Path) -> None:
 
 def read(path: Path) -> xr.Dataset:
     """Return the field in a file, to be loaded when it is used."""
+    check_seal(path)
     with quiet():
         return xr.open_dataset(path, engine="h5netcdf", cache=False)

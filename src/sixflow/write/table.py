@@ -75,6 +75,7 @@ def _standard_errors(field: xr.Dataset) -> dict[str, xr.Variable]:
         return {}
     variable = field["covariance"].variable.transpose(..., "param", "param2")
     variances = np.diagonal(variable.values, axis1=-2, axis2=-1)
+    variances = np.where(variances >= 0, variances, np.nan)
     names = map(str, field["param"].values)
     return {name: xr.Variable(variable.dims[:-2], np.sqrt(variances[..., k])) for k, name in enumerate(names)}
 
