@@ -12,6 +12,7 @@ which they may be a selection.
 
 from __future__ import annotations
 
+import bisect
 import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any, get_args
@@ -21,7 +22,7 @@ import numpy as np
 from sixflow.errors import InputError
 from sixflow.frames import BadFrame, FrameSource
 from sixflow.frames.digests import FrameDigests
-from sixflow.frames.doubles import Doubles, breaks, files_of
+from sixflow.frames.doubles import Doubles
 from sixflow.frames.metadata import Metadata
 from sixflow.frames.source import Array
 from sixflow.settings import Settings
@@ -127,33 +128,37 @@ class Recording:
         self.source, self.schedule, self.seen = source, schedule, 0
         self._digests = digests
         self.numbers: Sequence[int] = source.numbers
-        names = source.names
-        self.files = files_of(names)
+        self.files = source.files
         self._width = max(map(len, self.files), default=1)
-        self.times = self._times(source, times, settings.frame_interval, names)
+        self.times = self._times(times, settings.frame_interval)
         self.settings, remarks = _calibrated(settings, source.metadata, self.times, self.numbers)
-        self.notes = (*self._on_names(names), *self.times.notes, *remarks)
+        self.notes = (*self._on_files(), *self.times.notes, *remarks)
         self._told: set[str] = set()
 
-    def _times(
-        self, source: FrameSource, times: Times | None, frame_interval: float | None, names: Sequence[str]
-    ) -> FrameTimes:
-        double, stated = self.schedule.pairs == "double", source.metadata.frame_interval
+    def _times(self, times: Times | None, frame_interval: float | None) -> FrameTimes:
+        source, double = self.source, self.schedule.pairs == "double"
         if times is not None:
             return given_times(times, source.count, self.numbers, frame_interval, double)
-        known = recorded_times(
-            source.times, stated, source.metadata.time_resolution, self.numbers, frame_interval, double
-        )
-        leaps = breaks(names, self.numbers, new_files=frame_interval is None)
-        if not leaps or known.stamps is not None:
+        stated, resolution = source.metadata.frame_interval, source.metadata.time_resolution
+        known = recorded_times(source.times, stated, resolution, self.numbers, frame_interval, double)
+        # what a user says of all frames holds for those of further files too
+        leaps = sorted({*source.gaps, *(source.joints if frame_interval is None else ())})
+        crossed = [k for k in range(1, len(self.numbers)) if self._between(leaps, k)]
+        if not crossed or known.stamps is not None:
             return known
-        text = ", ".join(f"{names[k - 1]} and {names[k]}" for k in leaps[:3]) + ", …" * (len(leaps) > 3)
+        names = source.names
+        text = ", ".join(f"{names[k - 1]} and {names[k]}" for k in crossed[:3]) + ", …" * (len(crossed) > 3)
         note = f"frames may be missing between {text}: the time between them is unknown, and no rates are given there"
-        return dataclasses.replace(known, breaks=leaps, notes=(*known.notes, note))
+        return dataclasses.replace(known, breaks=tuple(leaps), notes=(*known.notes, note))
 
-    def _on_names(self, names: Sequence[str]) -> tuple[str, ...]:
+    def _between(self, leaps: Sequence[int], place: int) -> bool:
+        """Whether others may be missing between a frame and the one before."""
+        before, here = (bisect.bisect_right(leaps, self.numbers[k]) for k in (place - 1, place))
+        return here > before
+
+    def _on_files(self) -> tuple[str, ...]:
         """What the names of the files say of the pairs."""
-        doubles = Doubles.among(names)
+        names, doubles = self.source.names, Doubles.among(self.files)
         if self.schedule.pairs != "double":
             return () if doubles is None else (DOUBLED.format(names[0], names[1], self.schedule.pairs),)
         odd = None if doubles is None else doubles.unmatched()

@@ -453,8 +453,12 @@ class Session:
         assert self.shape is not None
         if self.masks.said:
             attrs["mask"] = self.masks.said
+        kept = self.guess_maps is not None and not is_stored_in_settings(self.guess)
+        if kept:
+            digest = hashlib.sha256(np.ascontiguousarray(self.guess_maps).tobytes()).hexdigest()[:16]
+            attrs["guess"] = f"the variable guess, sha256 {digest}"
         field = field_of_pair(result, times, names, self.grid, self.shape, self.asked).assign_attrs(attrs)
-        if self.guess_maps is None or is_stored_in_settings(self.guess):
+        if not kept or self.guess_maps is None:
             return field
         said = {"long_name": "first guess of the six numbers, in the order of param", "units": "px, 1"}
         six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, self.guess_maps, axes=1), 0, -1)

@@ -86,7 +86,7 @@ class FrameTimes:
     double : bool
         Δ is the time between the two frames of a pair.
     breaks : tuple of int
-        Frames before which others may be missing, by their place among the frames at hand.
+        Frames before which others may be missing, by their number in the whole recording.
     notes : tuple of str
     """
 
@@ -126,7 +126,7 @@ class FrameTimes:
             if unit == "s":
                 time1 = time0 + interval
         if self.stamps is None or self.frame_interval is not None:
-            missing = any(places[0] < place <= places[1] for place in self.breaks)
+            missing = any(numbers[0] < leap <= numbers[1] for leap in self.breaks)
             interval = float("nan") if missing else float(interval)
         if pairs in ("first", "incremental"):
             return PairTimes(time1, time0, time1, unit, interval, interval_unit, "time of the moved frame")

@@ -157,6 +157,24 @@ class FileSource(FrameSource):
         )
 
     @property
+    def files(self) -> tuple[str, ...]:
+        """Name of the file of each frame; empty for one file."""
+        if len(self._counts) == 1:
+            return ()
+        counted = zip(self._found.paths, self._counts, strict=True)
+        return tuple(path.name for path, count in counted for _ in range(count))
+
+    @property
+    def gaps(self) -> tuple[int, ...]:
+        """Numbers of the frames before which others may be missing, by the names of the files."""
+        return tuple(self._ends[place - 1] for place in self._found.gaps)
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Numbers of the frames with which a further file begins, where files hold several."""
+        return tuple(self._ends[:-1]) if max(self._counts) > 1 else ()
+
+    @property
     def description(self) -> str:
         """One line about the recording."""
         detail = self._first.detail

@@ -38,10 +38,14 @@ class Naming:
     paths : tuple of Path
     notes : tuple of str
         On gaps in the numbers, on runs that follow each other, and on files that do not belong.
+    gaps : tuple of int
+        Places of files before which others may be missing: where the numbers leap, a run begins, or a file does not
+        belong to those beside it.
     """
 
     paths: tuple[Path, ...]
     notes: tuple[str, ...] = ()
+    gaps: tuple[int, ...] = ()
 
 
 def natural_order(paths: Sequence[Path]) -> list[Path]:
@@ -89,8 +93,12 @@ def read_names(paths: Sequence[Path], *, given_order: bool = False) -> Naming:
     usual, most = Counter(templates).most_common(1)[0]
     odd = [k for k, template in enumerate(templates) if template != usual]
     members = [k for k, template in enumerate(templates) if template == usual]
-    gaps = _gap_notes([ordered[k] for k in members], [keys[k] for k in members])
-    return Naming(tuple(ordered), (*_odd_notes(ordered, odd, most), *gaps))
+    leaps, leap_notes = _leaps([ordered[k] for k in members], [keys[k] for k in members])
+    gaps = {members[k] for k in leaps}
+    odd_notes = _odd_notes(ordered, odd, most)
+    if odd_notes:
+        gaps |= {place for k in odd for place in (k, k + 1) if 0 < place < len(ordered)}
+    return Naming(tuple(ordered), (*odd_notes, *leap_notes), tuple(sorted(gaps)))
 
 
 def _odd_notes(paths: Sequence[Path], odd: Sequence[int], most: int) -> tuple[str, ...]:
@@ -111,41 +119,44 @@ def _odd_notes(paths: Sequence[Path], odd: Sequence[int], most: int) -> tuple[st
     )
 
 
-def _gap_notes(paths: Sequence[Path], keys: Sequence[Key]) -> tuple[str, ...]:
-    """Name numbers that are missing, and runs that follow each other, in names of one pattern."""
+def _leaps(paths: Sequence[Path], keys: Sequence[Key]) -> tuple[Sequence[int], tuple[str, ...]]:
+    """Places before which numbers are missing or a further run begins, in names of one pattern, and notes on them."""
     columns = list(zip(*([part[1] for part in key] for key in keys), strict=True))
     varying = [column for column in columns if len(set(column)) > 1]
     if len(paths) < 3 or not varying:
-        return ()
+        return (), ()
     fast = varying[-1]
     starts = [k for k in range(1, len(paths)) if any(column[k] != column[k - 1] for column in varying[:-1])]
     if starts:
-        return _run_notes(paths, fast, starts)
+        return _runs(paths, fast, starts)
     steps = [abs(b - a) for a, b in itertools.pairwise(fast)]
     stride = min(steps)
     if stride == 0 or any(step % stride for step in steps) or steps.count(stride) < len(steps) / 2:
-        return ()  # numbers that do not count frames, such as times
+        return (), ()  # numbers that do not count frames, such as times
     gaps = [k for k, step in enumerate(steps, 1) if step != stride]
     if not gaps:
-        return ()
+        return (), ()
     shown = "; ".join(f"{paths[k - 1].name} is followed by {paths[k].name}" for k in gaps[:_SHOWN])
     more = f"; and {len(gaps) - _SHOWN} more" if len(gaps) > _SHOWN else ""
     word = "a gap" if len(gaps) == 1 else f"{len(gaps)} gaps"
-    return (f"the numbers of the files have {word}: {shown}{more}",)
+    return gaps, (f"the numbers of the files have {word}: {shown}{more}",)
 
 
-def _run_notes(paths: Sequence[Path], fast: Sequence[Number], starts: Sequence[int]) -> tuple[str, ...]:
+def _runs(
+    paths: Sequence[Path], fast: Sequence[Number], starts: Sequence[int]
+) -> tuple[Sequence[int], tuple[str, ...]]:
     """Tell recordings that follow each other from names such as dates, whose numbers all change."""
     begins = [0, *starts, len(paths)]
     lengths = [b - a for a, b in itertools.pairwise(begins)]
     if min(lengths) < 3 or any(fast[start] != fast[0] for start in starts):
-        return ()
+        return (), ()
     names = ", ".join(paths[start].name for start in starts[:_SHOWN])
     more = " …" if len(starts) > _SHOWN else ""
-    return (
+    note = (
         f"two numbers of the names vary: {len(lengths)} runs follow each other, new ones begin with {names}{more}; if "
-        "they are several recordings, positions or channels, give one by a pattern",
+        "they are several recordings, positions or channels, give one by a pattern"
     )
+    return starts, (note,)
 
 
 def _keys(paths: Sequence[Path]) -> list[Key]:

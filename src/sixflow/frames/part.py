@@ -48,7 +48,7 @@ class PartSource(FrameSource):
         if not self._range:
             known = f"has the frames 0 to {whole.count - 1}" if whole.count else "is of unknown length"
             raise InputError(f"frames {_slice(frames)}: there is none; the recording {known}")
-        self.shape, self.dtype = whole.shape, whole.dtype
+        self.shape, self.dtype, self.rounding = whole.shape, whole.dtype, whole.rounding
 
     @property
     def count(self) -> int | None:
@@ -79,6 +79,21 @@ class PartSource(FrameSource):
     def names(self) -> tuple[str, ...]:
         """Name of each frame."""
         return tuple(self._whole.names[self._range.start : self._range.stop : self._range.step])
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Name of the file of each frame; empty where frames do not come from several files."""
+        return self._whole.files[self._range.start : self._range.stop : self._range.step]
+
+    @property
+    def gaps(self) -> tuple[int, ...]:
+        """Numbers of the frames of the whole recording before which others may be missing."""
+        return self._whole.gaps
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Numbers of the frames of the whole recording with which a further file of several frames begins."""
+        return self._whole.joints
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -31,6 +31,8 @@ class FoundFiles:
     notes : tuple of str
     datasets : tuple of (str or None)
         The array of each file that was named after ``:/``.
+    gaps : tuple of int
+        Places of files before which others may be missing, by the numbers in their names.
     """
 
     paths: tuple[Path, ...]
@@ -38,6 +40,7 @@ class FoundFiles:
     origin: str
     notes: tuple[str, ...] = ()
     datasets: tuple[str | None, ...] = ()
+    gaps: tuple[int, ...] = ()
 
 
 def find_files(source: Path | Sequence[Path]) -> FoundFiles:
@@ -204,4 +207,4 @@ def _of_one_format(
             f"{origin}: files of different kinds, {counts}; choose one kind by a pattern such as {example!r}"
         )
     naming = read_names(paths, given_order=given_order)
-    return FoundFiles(naming.paths, kinds[0], origin, (*notes, *naming.notes))
+    return FoundFiles(naming.paths, kinds[0], origin, (*notes, *naming.notes), gaps=naming.gaps)

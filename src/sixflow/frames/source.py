@@ -141,6 +141,21 @@ class FrameSource(abc.ABC):
         return tuple(f"frame {number}" for number in range(self.count or 0))
 
     @property
+    def files(self) -> tuple[str, ...]:
+        """Name of the file of each frame; empty where frames do not come from several files."""
+        return ()
+
+    @property
+    def gaps(self) -> tuple[int, ...]:
+        """Numbers of the frames before which others may be missing, by the names of the files."""
+        return ()
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Numbers of the frames with which a further file of several frames begins."""
+        return ()
+
+    @property
     def description(self) -> str:
         """One line about the recording."""
         number = "frames" if self.count is None else f"{self.count} frame{'s' * (self.count != 1)}"

@@ -58,11 +58,16 @@ def fill_value(name: str, variable: xr.Variable) -> Any:
 
 
 def incomplete_coordinates(field: xr.Dataset) -> list[str]:
-    """Return the coordinates of whole numbers or text of which a part was never written, or is missing."""
+    """Return the coordinates of which a part was never written, or is missing.
+
+    Those along time besides `time` itself may be NaN: an interval that is unknown.
+    """
     found = []
     for name, coordinate in field.coords.items():
         fill = "" if coordinate.dtype.kind in "UOT" else fill_value(str(name), coordinate.variable)
-        if coordinate.dtype.kind in "iuUOT" and coordinate.dims and bool((coordinate.values == fill).any()):
+        values = coordinate.values
+        missing = np.isnan(values) if name in field.dims and values.dtype.kind == "f" else values == fill
+        if values.dtype.kind in "iufUOT" and coordinate.dims and bool(np.any(missing)):
             found.append(str(name))
     return found
 
