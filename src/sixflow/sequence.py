@@ -164,7 +164,7 @@ class Follower:
             return None
         assert self.stage is not None
         own = bodies if self.masks.moving else None
-        frame = try_frame(self.session, raw, self.recording.name(place), own)
+        frame = try_frame(self.session, self.recording, place, raw, own)
         if self.done is not None and not isinstance(frame, BadFrame):
             if place == self.begins:
                 base = _stored_motion(self.done, place - 1)
@@ -181,7 +181,9 @@ class Follower:
         try:
             if isinstance(raw, BadFrame):
                 raise raw.error
-            return self.session.prepare(raw, name, bodies)
+            first = self.session.prepare(raw, name, bodies)
+            self.recording.remember(0, first.digest)
+            return first
         except SixflowError as error:
             if not isinstance(raw, BadFrame) and not isinstance(error, BadFrameError):
                 raise
@@ -284,7 +286,7 @@ def consecutive(
         wanted = place > schedule.end(skip) if first is not None else False
         # a frame that is in no wanted pair is read but not prepared; the first good one gives the grey constant
         if session.shape is None or wanted or schedule.begins(place, skip):
-            held[place] = try_frame(session, raw, recording.name(place), bodies), bodies
+            held[place] = try_frame(session, recording, place, raw, bodies), bodies
         if wanted:
             waiting.append(place)
         if session.shape is not None:

@@ -127,7 +127,7 @@ def _intervals(field: xr.Dataset) -> str:
     if not finite.size:
         return "times between frames unknown"
     low, high = finite.min(), finite.max()
-    several = known.unit == "frame" and high > 1
+    several = bool(known.unit == "frame" and high > 1)
     text = f"{low:.6g}" if high - low <= 1e-6 * high else f"{low:.6g} to {high:.6g}"
     text += f" {known.unit}{'s' * several} between the two frames of a pair"
-    return text + f" (unknown in {values.size - finite.size})" * (finite.size < values.size)
+    return text + f" (unknown in {values.size - finite.size})" * bool(finite.size < values.size)
