@@ -7,7 +7,8 @@ import pytest
 import xarray as xr
 
 from sixflow import InputError
-from sixflow.times import FrameTimes, given_times, in_seconds, recorded_times
+from sixflow.seconds import in_seconds
+from sixflow.times import FrameTimes, given_times, recorded_times
 
 DAY = datetime.datetime(2026, 1, 1, 12)
 STEP = datetime.timedelta(milliseconds=500)

@@ -17,6 +17,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from sixflow.consecutive import consecutive
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import joined_attrs, said_of_pairs
@@ -24,7 +25,7 @@ from sixflow.frames import FrameSource, open_frames
 from sixflow.masks import MaskLike, Masks
 from sixflow.recording import Recording, Schedule
 from sixflow.search.guess import without_guess
-from sixflow.sequence import Update, check_update, consecutive, follow
+from sixflow.sequence import Update, check_update, follow
 from sixflow.session import Session
 from sixflow.settings import Settings, SettingsOptions
 from sixflow.times import FrameTimes, Pairs, Times
