@@ -291,7 +291,9 @@ def test_info_of_a_field(field_file, capsys):
     assert run("info field.nc") == 0
     out = capsys.readouterr().out
     field = load("field.nc")
-    assert out.startswith("field.nc: a field of 3 pairs of frames of 64×64 px, time 0 to 2 frame\n")
+    assert out.startswith(
+        "field.nc: a field of 3 pairs of frames of 64×64 px, time 0 to 2 frame, 1 frame between "
+    )
     for text in ("48 points", "window         21", __version__, field.attrs["input_digest"], "10 %"):
         assert text in out
 

@@ -16,6 +16,7 @@ from typing import Any, Unpack
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from sixflow.consecutive import consecutive
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import join_attrs, said_of_pairs
@@ -25,7 +26,7 @@ from sixflow.frames.digests import FrameDigests
 from sixflow.masks import MaskLike, Masks
 from sixflow.recording import Recording, Schedule
 from sixflow.search.guess import without_guess
-from sixflow.sequence import Update, check_update, consecutive, follow
+from sixflow.sequence import Update, check_update, follow
 from sixflow.session import Session
 from sixflow.settings import Settings, SettingsOptions, require_names, require_settings
 from sixflow.times import FrameTimes, Pairs, Times

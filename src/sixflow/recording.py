@@ -134,6 +134,7 @@ class Recording:
         self.settings, remarks = _calibrated(settings, source.metadata, self.times, self.numbers)
         self.notes = (*self._on_files(), *self.times.notes, *remarks)
         self._told: set[str] = set()
+        self._before: tuple[int, bytes | None] = (-1, None)
 
     def _times(self, times: Times | None, frame_interval: float | None) -> FrameTimes:
         source, double = self.source, self.schedule.pairs == "double"
@@ -191,6 +192,25 @@ class Recording:
         for frame in frames if self._digests is None else self._digests.watch(frames, self.source.names):
             self.seen += 1
             yield frame
+
+    def remember(self, place: int, digest: bytes | None) -> str | None:
+        """Compare a frame with the one before by their digests; what is to be said if it repeats that.
+
+        Parameters
+        ----------
+        place : int
+        digest : bytes or None
+            None of a frame that has none, since it cannot be used.
+        """
+        before, self._before = self._before, (place, digest)
+        if digest is None or before != (place - 1, digest):
+            return None
+        note = (
+            f"{self.name(place)} repeats {self.name(place - 1)} to the last bit: other pairs of it may span another "
+            "time than that between their frames"
+        )
+        self.notes = (*self.notes, note)
+        return note
 
     def check_count(self) -> None:
         """Raise InputError if the frames that have been seen make no pair, or times were given for others."""

@@ -164,7 +164,7 @@ class Follower:
             return None
         assert self.stage is not None
         own = bodies if self.masks.moving else None
-        frame = try_frame(self.session, raw, self.recording.name(place), own)
+        frame = try_frame(self.session, self.recording, place, raw, own)
         if self.done is not None and not isinstance(frame, BadFrame):
             if place == self.begins:
                 base = _stored_motion(self.done, place - 1)
@@ -181,7 +181,9 @@ class Follower:
         try:
             if isinstance(raw, BadFrame):
                 raise raw.error
-            return self.session.prepare(raw, name, bodies)
+            first = self.session.prepare(raw, name, bodies)
+            self.recording.remember(0, first.digest)
+            return first
         except SixflowError as error:
             if not isinstance(raw, BadFrame) and not isinstance(error, BadFrameError):
                 raise
@@ -264,52 +266,6 @@ class Follower:
             measured_from=self.recording.number(stage.place),
             digest=digest.hexdigest()[:16] if stage.place else step.digest,
         )  # fmt: skip
-
-
-def consecutive(
-    session: Session, recording: Recording, masks: Masks, skip: int
-) -> Iterator[tuple[tuple[int, int], PairResult]]:
-    """Yield the motion of each consecutive or double pair, and the places of its frames; the first `skip` are left out.
-
-    Raises
-    ------
-    BadFrameError
-        If not a single frame can be used.
-    """
-    schedule = recording.schedule
-    held: dict[int, tuple[Tried, AnyBodies]] = {}
-    waiting: list[int] = []  # frames that end pairs before the first good one, which gives the grid
-    for place, raw in enumerate(recording.frames()):
-        bodies, first = masks.at(place), schedule.first(place)
-        wanted = place > schedule.end(skip) if first is not None else False
-        # a frame that is in no wanted pair is read but not prepared; the first good one gives the grey constant
-        if session.shape is None or wanted or schedule.begins(place, skip):
-            held[place] = try_frame(session, raw, recording.name(place), bodies), bodies
-        if wanted:
-            waiting.append(place)
-        if session.shape is not None:
-            for end in waiting:
-                yield _pair(session, recording, held, end)
-            waiting.clear()
-            held = {k: frame for k, frame in held.items() if k > place - schedule.lag}
-    if waiting:
-        bad = held[waiting[0]][0]
-        assert isinstance(bad, BadFrame)
-        raise BadFrameError(f"no frame of the recording can be used; {bad.error}") from bad.error
-
-
-def _pair(
-    session: Session,
-    recording: Recording,
-    held: dict[int, tuple[Tried, AnyBodies]],
-    place: int,
-) -> tuple[tuple[int, int], PairResult]:
-    """Measure the pair that a frame ends."""
-    first = recording.schedule.first(place)
-    assert first is not None
-    (reference, bodies), (moved, _) = held[first], held[place]
-    numbers = recording.number(first), recording.number(place)
-    return (first, place), try_pair(session, (reference, moved), numbers, bodies)
 
 
 def passed_over(flag: NDArray[Any]) -> bool:

@@ -126,7 +126,9 @@ class Settings:
     length_unit : str
         Unit of `pixel_size`.
     frame_interval : float or None
-        Time between the two frames, s. None takes it from the time stamps where the frames have them.
+        Time between successive frames of the recording, s; with `pairs="double"`, between the two frames of a pair. A
+        pair of frames k apart takes k times that. None takes the times of the frames from the recording, where it has
+        them.
 
     Raises
     ------

@@ -22,26 +22,38 @@ from sixflow.placing import masked_points
 
 if TYPE_CHECKING:
     from sixflow.pieces import Start
+    from sixflow.recording import Recording
     from sixflow.session import Session
 
 Tried: TypeAlias = Prepared | BadFrame
 """A frame of a recording, ready to be measured, or why it cannot be."""
 
 
-def try_frame(session: Session, raw: ArrayLike | BadFrame, name: str, bodies: AnyBodies = None) -> Tried:
+def try_frame(
+    session: Session,
+    recording: Recording,
+    place: int,
+    raw: ArrayLike | BadFrame,
+    bodies: AnyBodies = None,
+) -> Tried:
     """Check and normalise one frame of a recording.
 
     Raises
     ------
     SixflowError
-        If the frame cannot be used, and the session is strict.
+        If the frame cannot be used, or repeats the one before, and the session is strict.
     InputError
         If no frame like this one can be measured so.
     """
+    name = recording.name(place)
     try:
         if isinstance(raw, BadFrame):
             raise raw.error
-        return session.prepare(raw, name, bodies)
+        prepared = session.prepare(raw, name, bodies)
+        copy = recording.remember(place, prepared.digest)
+        if copy is not None and session.strict:
+            raise BadFrameError(f"{copy}; leave one of them out")
+        return prepared
     except SixflowError as error:
         if session.strict or not (isinstance(raw, BadFrame) or isinstance(error, BadFrameError)):
             raise

@@ -18,7 +18,7 @@ from typing import Any, Self
 import numpy as np
 import xarray as xr
 
-from sixflow.errors import FieldFileError, InputError, SixflowError
+from sixflow.errors import BadFrameError, FieldFileError, FrameFileError, InputError
 from sixflow.field.provenance import joined_attrs, said_of_pairs
 from sixflow.frames.digests import FrameDigests
 from sixflow.values import is_whole, shown
@@ -229,10 +229,8 @@ class RecordingWriter:
 
     def _keep(self, error: BaseException) -> None:
         """Leave what is complete for resuming, and say so in the error."""
-        if isinstance(error, SixflowError) and not isinstance(error, FieldFileError) and self._pending:
-            self._flush(
-                _joined(self._pending)
-            )  # the measurement has stopped, but nothing is wrong with these
+        if isinstance(error, BadFrameError | FrameFileError) and self._pending:
+            self._flush(_joined(self._pending))  # a frame has stopped the measurement, and these are right
             self._pending = []
         if self.done:
             error.add_note(
