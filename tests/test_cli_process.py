@@ -174,3 +174,44 @@ def test_later_runs_do_not(float64):
 
     measure(*make_frames(2), window=21, step=16, float64=float64)
     assert not needs_compiling("float64" if float64 else "float32")
+
+
+@pytest.mark.parametrize("closing", [">&-", ">&- 2>&-", "2>&-", "| true", "2>&1 | true", "> /dev/full"])
+def test_commands_without_streams(place, closing):  # noqa: F811
+    """Streams that are closed, that nobody reads, or that take no more: no traceback, whatever the command."""
+    program = f"{sys.executable} -W error -c 'import sys; from sixflow.cli import main; sys.exit(main())'"
+    for command in ("info recording.tif", "--help"):
+        done = subprocess.run(
+            f"({program} {command} {closing})",
+            shell=True,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+        )
+        assert "Traceback" not in done.stderr
+        assert "Exception ignored" not in done.stderr
+        assert bool(done.stderr) == ("full" in closing)
+        assert done.returncode == ("full" in closing)
+
+
+def test_program_without_standard_streams(place, monkeypatch):  # noqa: F811
+    for stream in (None, open(os.devnull, "w")):  # noqa: SIM115 - closed at once
+        if stream is not None:
+            stream.close()
+        for name in ("stdout", "stderr"):
+            monkeypatch.setattr(sys, name, stream)
+        assert main(["info", "recording.tif"]) == 0
+        assert main(["info", "none.tif"]) == 2
+        assert sys.stdout is stream
+        monkeypatch.undo()
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_output_in_other_alphabets(place, encoding):  # noqa: F811
+    done = subprocess.run(
+        [*SIXFLOW, "info", "recording.tif"],
+        capture_output=True,
+        env=os.environ | {"PYTHONIOENCODING": f"{encoding}:strict"},
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"px" in done.stdout.decode(encoding).encode()

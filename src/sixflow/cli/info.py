@@ -108,8 +108,11 @@ def describe_field(field: xr.Dataset, name: str) -> str:
         if attribute in field.attrs:
             value = field.attrs[attribute]
             if label == "resolution":
-                value = f"a sine of period {float(value):.3g} px is attenuated by 10 %{_range(field)}"
+                value = f"a sine of period {_number(value)} px is attenuated by 10 %{_range(field)}"
             lines.append(f"{label:14} {value}")
+    if "attenuation_period_10" not in field.attrs and "resolution" in field:
+        low, high = (f"{float(end):.3g}" for end in (part["resolution"].min(), part["resolution"].max()))
+        lines.append(f"{'resolution':14} sines of periods from {low} to {high} px are attenuated by 10 %")
     lines += [f"{'note':14} {note}" for note in str(field.attrs.get("notes", "")).splitlines()]
     return "\n".join(lines)
 
@@ -122,15 +125,23 @@ def _range(field: xr.Dataset) -> str:
     return f" (median; {low:.3g} to {high:.3g} px)" if high > low * 1.001 else ""
 
 
+def _number(value: object, digits: int = 3) -> str:
+    """A number in few digits; anything else as it is."""
+    return f"{value:.{digits}g}" if isinstance(value, int | float) else str(value)
+
+
 def _pairs_and_frames(field: xr.Dataset) -> str:
+    from sixflow.field.selection import frame_shape
+
     pairs = field.sizes.get("time", 1)
     text = f"a field of {pairs} pair{'s' * (pairs != 1)}"
     if "frame_shape" in field.attrs:
-        height, width = field.attrs["frame_shape"]
+        height, width = frame_shape(field)
         text += f" of frames of {width}×{height} px"
     if "time" in field.coords:
         times, unit = field["time"].values.reshape(-1), field["time"].attrs.get("units", "")
-        text += f", time {times[0]:.6g} to {times[-1]:.6g} {unit}" if times.size > 1 else ""
+        first, last = (_number(times[k].item(), 6) for k in (0, -1)) if times.size else ("", "")
+        text += f", time {first} to {last} {unit}" if times.size > 1 else ""
     return f"{text}, {_intervals(field)}"
 
 

@@ -64,9 +64,13 @@ class CodeCache(FunctionCache):
 
     def save_overload(self, signature: Any, data: Any) -> None:
         """Store the code for a signature, if that is possible."""
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(Exception):  # as above
             self._settle()
-            super().save_overload(signature, data)
+            try:
+                super().save_overload(signature, data)
+            except Exception:
+                self._cache_file.flush()  # begins a new index in place of a damaged one
+                super().save_overload(signature, data)
             self._remove_earlier()
 
     def signatures(self) -> list[Any]:

@@ -35,7 +35,13 @@ def dense(field: xr.Dataset) -> xr.Dataset:
     height, width = frame_shape(field)
     x, y = np.arange(width), np.arange(height)
     count = field.sizes.get("time", 1)
-    result = np.empty((len(SIX), count, height, width), dtype=np.result_type(field["u"].dtype, np.float32))
+    try:
+        result = np.empty((len(SIX), count, height, width), np.result_type(field["u"].dtype, np.float32))
+    except (MemoryError, ValueError) as error:
+        raise InputError(
+            f"{count} pairs of frames of {width}×{height} px do not fit the memory at every pixel: "
+            "take fewer, such as field.isel(time=[0]), or `sample`"
+        ) from error
     for time in range(count):
         told = []
         for surface in _surfaces(one_pair(field, time)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import operator
 from typing import Any
@@ -13,6 +14,8 @@ from numpy.typing import NDArray
 from sixflow.convention.reference import SHARE
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, FLAGS, SIX
+from sixflow.settings import WIDEST, Settings
+from sixflow.values import is_number, plain, shown
 
 
 def require_field(field: object, name: str = "field") -> xr.Dataset:
@@ -91,13 +94,15 @@ def frame_shape(field: xr.Dataset) -> tuple[int, int]:
     InputError
         If the attribute frame_shape is missing or is not two positive whole numbers.
     """
-    shape = np.asarray(field.attrs.get("frame_shape", [])).ravel()
-    if shape.size != 2 or not np.all(shape == np.floor(shape)) or np.any(shape < 1):
+    asked = field.attrs.get("frame_shape", [])
+    sides = [plain(side) for side in asked] if isinstance(asked, list | tuple | np.ndarray) else []
+    whole = [int(side) for side in sides if is_number(side) and side == round(side) and 1 <= side <= WIDEST]
+    if len(sides) != 2 or len(whole) != 2:
         raise InputError(
-            f"attribute frame_shape={field.attrs.get('frame_shape')!r}: must be the frames' [height, width] "
+            f"attribute frame_shape={shown(asked)}: must be the frames' [height, width] "
             "in px; set field.attrs['frame_shape']"
         )
-    return int(shape[0]), int(shape[1])
+    return whole[0], whole[1]
 
 
 def stored_settings(field: xr.Dataset) -> dict[str, Any]:
@@ -106,15 +111,20 @@ def stored_settings(field: xr.Dataset) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If the attribute is not a JSON object.
+        If the attribute is not a JSON object, or holds a value that the setting cannot have.
     """
     text = field.attrs.get("settings", "{}")
     try:
         settings = json.loads(text)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, RecursionError):
         settings = None
     if not isinstance(settings, dict):
-        raise InputError(f"attribute settings={text!r}: must be a JSON object, as sixflow writes it")
+        raise InputError(f"attribute settings={shown(text)}: must be a JSON object, as sixflow writes it")
+    known = {field.name for field in dataclasses.fields(Settings)}
+    try:
+        Settings.from_mapping({name: value for name, value in settings.items() if name in known})
+    except InputError as error:
+        raise InputError(f"attribute settings: {error}") from None
     return settings
 
 

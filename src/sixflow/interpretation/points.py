@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sixflow.engine.lowpass import lowpass_noise
 from sixflow.engine.spline import DEGREE, gradient_noise
 from sixflow.engine.warp import DERIVATIVE
-from sixflow.engine.window import window_sigma
+from sixflow.engine.window import attenuation_period, window_sigma
 from sixflow.errors import InputError
 from sixflow.field.dataset import FLAGS, SIX
 from sixflow.field.derived import on_first_frame
@@ -145,7 +145,11 @@ def _window(field: xr.Dataset) -> tuple[float, int, float]:
     settings = stored_settings(field)
     window, sharpen = settings.get("window"), settings.get("sharpen", 0)
     if window == "auto":  # one window for all, the median
-        window, sharpen = field.attrs.get("effective_window"), sharpen or SHARPEN
+        sharpen = sharpen or SHARPEN
+        window = field.attrs.get("effective_window")
+        if window is None and "resolution" in field:  # of a recording whose pairs differ
+            period = float(field["resolution"].median())
+            window = period / attenuation_period(window_sigma(1.0), sharpen)
     if not isinstance(window, int | float) or not window > 0 or not isinstance(sharpen, int) or sharpen < 0:
         raise InputError(
             f"attribute settings: window={window!r}, sharpen={sharpen!r}; the window tells how errors are correlated; "

@@ -154,6 +154,8 @@ def _check_content(field: xr.Dataset, path: Path) -> None:
                 f"{path}: {name} holds {field[name].dtype} where sixflow writes numbers; the file is damaged, "
                 "or was not written by sixflow"
             )
+    for coordinate in field.coords.values():  # which every use compares
+        coordinate.load()
     incomplete = incomplete_coordinates(field)
     if incomplete:
         raise FieldFileError(

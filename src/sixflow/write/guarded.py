@@ -83,7 +83,7 @@ def guarded(field: xr.Dataset, path: Path) -> xr.Dataset:
     variables = {
         name: (variable.dims, _lazy(GuardedArray(path, str(name), variable)), variable.attrs)
         for name, variable in field.variables.items()
-        if name not in field.xindexes
+        if not variable._in_memory
     }
     return field.assign_coords({n: v for n, v in variables.items() if n in field.coords}).assign(
         {n: v for n, v in variables.items() if n in field.data_vars}
