@@ -21,7 +21,7 @@ from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import join_attrs, said_of_pairs
 from sixflow.floor import Floor
-from sixflow.frames import FrameSource, open_frames
+from sixflow.frames import open_frames
 from sixflow.frames.digests import FrameDigests
 from sixflow.masks import MaskLike, Masks
 from sixflow.recording import Recording, Schedule
@@ -273,7 +273,7 @@ def _measured(
     renewal = check_update(update, schedule.pairs, asked.reference)
     if not isinstance(strict, bool):
         raise InputError(f"strict={strict!r}: must be True or False")
-    recording = Recording(open_frames(frames), schedule, _stamps(frames, times), asked, digests=seen)
+    recording = Recording(open_frames(frames), schedule, times, asked, digests=seen)
     if recording.source.count is not None:
         masks.require(recording.source.count)
     session = Session(
@@ -295,11 +295,6 @@ def _measured(
         yield session.field(result, recording.times_of(places), recording.names_of(places), **attrs)
     recording.check_count()
     return recording.left_over()
-
-
-def _stamps(frames: Any, times: Times | None) -> Times | None:
-    """Times of the frames, from whoever calls or from an object of frames that has some."""
-    return getattr(frames, "times", None) if times is None and not isinstance(frames, FrameSource) else times
 
 
 def _files(frame0: Any, frame1: Any, settings: Settings) -> Recording | None:

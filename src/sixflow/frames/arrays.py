@@ -83,13 +83,29 @@ def _by_shape(frames: Any) -> Labelled:
     return Labelled(frames, codes, chunks=getattr(frames, "chunks", None))
 
 
-class ListSource(FrameSource):
-    """Frames in a list or tuple of arrays."""
+class _IterableSource(FrameSource):
+    """Frames that are handed out one by one; attributes `times` and `metadata` that their holder has are theirs."""
 
     _one_scale = False
+    _frames: Iterable[Any]
+
+    @property
+    def times(self) -> Array | None:
+        """Time of each frame, if their holder tells."""
+        return getattr(self._frames, "times", None)
+
+    @property
+    def metadata(self) -> Metadata:
+        """What their holder says of them."""
+        said = getattr(self._frames, "metadata", None)
+        return said if isinstance(said, Metadata) else Metadata()
+
+
+class ListSource(_IterableSource):
+    """Frames in a list or tuple of arrays."""
 
     def __init__(self, frames: Sequence[Any], selection: Selection = Selection()) -> None:  # noqa: B008 - it is frozen
-        self._frames = frames
+        self._frames: Sequence[Any] = frames
         refuse_choices(selection, "the list of arrays", ["channel"])
         super().__init__(selection)
 
@@ -107,14 +123,12 @@ class ListSource(FrameSource):
             yield number, name, _frame(self._frames[number], name)
 
 
-class StreamSource(FrameSource):
+class StreamSource(_IterableSource):
     """Frames from an iterable of arrays, such as a generator or a camera; its length is unknown."""
-
-    _one_scale = False
 
     def __init__(self, frames: Iterable[Any], selection: Selection = Selection()) -> None:  # noqa: B008 - it is frozen
         iterator = iter(frames)
-        self._frames: Iterable[Any] | None = frames
+        self._frames = frames
         self._is_one_shot = iterator is frames
         self._head: list[Any] = list(itertools.islice(iterator, 1)) if self._is_one_shot else []
         self._is_open = False
@@ -139,9 +153,9 @@ class StreamSource(FrameSource):
                     f"frames from a {type(self._frames).__name__} can be read once, and have been; "
                     "give a list or an array"
                 )
-            frames = itertools.chain([self._head.pop()], self._frames or ())
+            frames = itertools.chain([self._head.pop()], self._frames)
         else:
-            frames = self._frames or ()
+            frames = self._frames
         for number, frame in enumerate(frames):
             if isinstance(frame, str | os.PathLike):
                 raise InputError(
