@@ -21,8 +21,8 @@ import numpy as np
 from sixflow.errors import InputError
 from sixflow.frames import BadFrame, FrameSource
 from sixflow.frames.metadata import Metadata
-from sixflow.frames.naming import Doubles, breaks, files_of
 from sixflow.frames.source import Array
+from sixflow.frames.succession import Doubles, breaks, files_of
 from sixflow.settings import Settings
 from sixflow.times import FrameTimes, Pairs, PairTimes, Times, given_times, recorded_times
 

@@ -1,4 +1,4 @@
-"""Naming: what the names of the files of a recording say of its frames.
+"""Succession: what the names of the files of a recording say of how its frames follow each other: leaps, and twos.
 
 Names come as `FrameSource.names` gives them: "A0001.tif", or "stack.tif[3]" for frame 3 of a file that holds several.
 """
