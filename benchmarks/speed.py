@@ -164,7 +164,7 @@ def start() -> None:
     first = """
 import numpy as np, sixflow
 random = np.random.default_rng(0).normal(size=(64, 64))
-sixflow.measure(random, random)
+sixflow.measure(random, random * (1 + 1e-6))
 """
     with tempfile.TemporaryDirectory() as cache:
         environment = os.environ | {"NUMBA_CACHE_DIR": cache}

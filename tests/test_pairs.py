@@ -7,7 +7,7 @@ import tifffile
 from sixflow import InputError, iterate_sequence, measure, measure_sequence
 from sixflow.cli import main
 from sixflow.field.dataset import SIX
-from sixflow.frames.naming import Doubles, breaks, files_of
+from sixflow.frames.succession import Doubles, breaks, files_of
 from sixflow.synth import Affine, Sensor, Speckle, sequence
 from sixflow.write import RecordingWriter, open_field, write_field
 
