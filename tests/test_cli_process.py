@@ -195,15 +195,16 @@ def test_commands_without_streams(place, closing):  # noqa: F811
 
 
 def test_program_without_standard_streams(place, monkeypatch):  # noqa: F811
-    for stream in (None, open(os.devnull, "w")):  # noqa: SIM115 - closed at once
-        if stream is not None:
-            stream.close()
-        for name in ("stdout", "stderr"):
-            monkeypatch.setattr(sys, name, stream)
-        assert main(["info", "recording.tif"]) == 0
-        assert main(["info", "none.tif"]) == 2
-        assert sys.stdout is stream
-        monkeypatch.undo()
+    closed = open(os.devnull, "w")  # noqa: SIM115 - closed at once
+    closed.close()
+    for stream in (None, closed):
+        with monkeypatch.context() as patch:
+            for name in ("stdout", "stderr"):
+                patch.setattr(sys, name, stream)
+            codes = main(["info", "recording.tif"]), main(["info", "none.tif"])
+            unchanged = sys.stdout is stream
+        assert codes == (0, 2)
+        assert unchanged
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])

@@ -1,5 +1,7 @@
 """Which frames make pairs: double frames, lags, and what the names of files say."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import tifffile
@@ -7,7 +9,9 @@ import tifffile
 from sixflow import InputError, iterate_sequence, measure, measure_sequence
 from sixflow.cli import main
 from sixflow.field.dataset import SIX
-from sixflow.frames.succession import Doubles, breaks, files_of
+from sixflow.frames import open_frames
+from sixflow.frames.doubles import Doubles
+from sixflow.frames.naming import read_names
 from sixflow.synth import Affine, Sensor, Speckle, sequence
 from sixflow.write import RecordingWriter, open_field, write_field
 
@@ -92,18 +96,27 @@ def test_files_that_do_not(names):
 
 
 def test_leaps_in_the_numbers_of_files():
-    def names(*numbers):
-        return [f"img{number}.png" for number in numbers]
+    def gaps(*numbers):
+        return read_names([Path(f"img{number}.png") for number in numbers], given_order=True).gaps
 
-    assert breaks(names(1, 2, 5, 6), range(4)) == (2,)
-    assert breaks(names(10, 20, 30), range(3)) == ()
-    assert breaks(names(0, 2, 6), [0, 2, 4]) == (2,)
-    assert breaks(names(3, 2, 1), range(3)) == ()
-    assert breaks(["x1_y1.png", "x2_y5.png", "x9_y9.png"], range(3)) == ()
-    stacks = ["a.tif[0]", "a.tif[1]", "b.tif[0]"]
-    assert breaks(stacks, range(3)) == ()
-    assert breaks(stacks, range(3), new_files=True) == (2,)
-    assert files_of(["a.tif[0]", "a.tif[1]"]) == ()
+    assert gaps(1, 2, 5, 6) == (2,)
+    assert gaps(10, 20, 30) == ()
+    assert gaps(3, 2, 1) == ()
+    assert read_names([Path(name) for name in ("x1_y1.png", "x2_y5.png", "x9_y9.png")]).gaps == ()
+    assert read_names([Path(name) for name in ("a1.png", "a2.png", "a3.png", "ref.png")]).gaps == (3,)
+
+
+def test_gaps_and_joints_of_files(tmp_path):
+    for number in (0, 1, 2, 6):
+        tifffile.imwrite(tmp_path / f"img{number}.tif", FRAMES[number % 3])
+    single = open_frames(tmp_path)
+    assert (single.gaps, single.joints) == ((3,), ())
+    assert (single[1:].gaps, single[1:].files) == ((3,), ("img1.tif", "img2.tif", "img6.tif"))
+    for number in (0, 1):
+        tifffile.imwrite(tmp_path / f"stack{number}.tif", FRAMES[:2], photometric="minisblack")
+    stacks = open_frames(str(tmp_path / "stack*.tif"))
+    assert (stacks.gaps, stacks.joints) == ((), (2,))
+    assert open_frames(tmp_path / "stack0.tif").files == ()
 
 
 def save(folder, names):

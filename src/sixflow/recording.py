@@ -25,7 +25,6 @@ from sixflow.frames.digests import FrameDigests
 from sixflow.frames.doubles import Doubles
 from sixflow.frames.metadata import Metadata
 from sixflow.frames.source import Array
-from sixflow.frames.succession import Doubles, breaks, files_of
 from sixflow.settings import Settings
 from sixflow.times import FrameTimes, Pairs, PairTimes, Times, given_times, recorded_times
 

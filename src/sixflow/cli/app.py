@@ -80,7 +80,7 @@ def build_app() -> App:
         version=_version,
         suppress_keyboard_interrupt=False,
     )
-    commands: tuple[Callable[..., None], ...] = (measure, plot, info, interpret, demo, operators)
+    commands: tuple[Callable[..., int | None], ...] = (measure, plot, info, interpret, demo, operators)
     for place, command in enumerate(commands):
         name = command.__name__
         app.command(command, help_epilogue=_epilogue(name), usage=f"Usage: {USAGE[name]}", sort_key=place)
@@ -107,12 +107,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(arguments: list[str], debug: bool) -> int:
     try:
-        build_app()(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        code = build_app()(arguments, exit_on_error=False, print_error=False, result_action="return_value")
     except SystemExit as end:  # by which rich ends where nobody reads its output
         return end.code if isinstance(end.code, int) else FAILED
     except (Exception, KeyboardInterrupt) as error:
         return report(error, debug)
-    return 0
+    return code if isinstance(code, int) else 0
 
 
 def _version() -> str:

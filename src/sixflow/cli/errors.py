@@ -5,6 +5,7 @@
 | 0 | done |
 | 1 | failed: nothing could be measured, or something unforeseen |
 | 2 | bad input: flags, frames, mask, settings, or an output that cannot be written |
+| 3 | done, but some frames of the recording could not be used: their pairs are flagged `bad_frame` |
 | 130 | stopped by Ctrl-C |
 """
 
@@ -19,7 +20,7 @@ from cyclopts import CycloptsError
 from sixflow.cli.streams import hush
 from sixflow.errors import FieldFileError, FrameFileError, InputError, SixflowError
 
-FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+FAILED, BAD_INPUT, BAD_FRAMES, INTERRUPTED = 1, 2, 3, 130
 
 
 def report(error: BaseException, debug: bool = False) -> int:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from cyclopts import Parameter
 
-from sixflow.cli.errors import say
+from sixflow.cli.errors import BAD_FRAMES, say
 from sixflow.cli.flags import Output, Switch, Whole, read_update
 from sixflow.cli.progress import announce_compilation, progress
 from sixflow.cli.selection_flags import SelectionFlags
@@ -52,7 +52,7 @@ def measure(
     resume: Switch = False,
     plot: Path | None = None,
     quiet: Annotated[Switch, Parameter(name=("--quiet", "-q"))] = False,
-) -> None:
+) -> int:
     """Measure the six-parameter flow field of a pair of frames, or of a recording.
 
     Two files are a pair. A folder, a pattern in quotes, a stack, a video, or more than two files are a
@@ -119,6 +119,7 @@ def measure(
         say_notes(tally.notes)
         print(f"{output}: {tally.describe(job.pair_count, seconds)}")
     _require_some(tally, output)
+    return BAD_FRAMES if tally.unusable else 0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -13,10 +13,13 @@ UNUSED = FLAGS["bad_frame"] | FLAGS["repeated"]
 
 
 class Tally:
-    """Points, valid points, flags, standard errors and notes of the pairs measured so far."""
+    """Points, valid points, flags, standard errors and notes of the pairs measured so far.
+
+    `unusable` counts the pairs with a bad frame, `bad` those with a repeated one too.
+    """
 
     def __init__(self) -> None:
-        self.pairs = self.bad = self.points = self.valid = 0
+        self.pairs = self.bad = self.unusable = self.points = self.valid = 0
         self.flags = dict.fromkeys(FLAGS, 0)
         self.notes: dict[str, None] = {}
         self._errors: list[NDArray[np.float64]] = []
@@ -30,6 +33,7 @@ class Tally:
             known &= np.isfinite(field[name].values)
         self.pairs += field.sizes["time"]
         self.bad += int(((flag & UNUSED) != 0).all(axis=(1, 2)).sum())
+        self.unusable += int(((flag & FLAGS["bad_frame"]) != 0).all(axis=(1, 2)).sum())
         self.points += known.size
         self.valid += int(known.sum())
         for name, bit in FLAGS.items():

@@ -76,7 +76,7 @@ def read_packets(path: Path) -> Packets:
             raise FrameFileError(
                 f"{path}: the video holds no frames; it is empty or cut short: record or export it again"
             )
-        rate = stream.average_rate or stream.guessed_rate or Fraction(25)
+        rate = stream.average_rate or stream.guessed_rate
         intra_only = bool(stream.codec_context.codec.intra_only)
         trouble = _trouble(listed, intra_only)
         cut = _cut(path, container, stream, len(listed), end, rate)
@@ -97,6 +97,7 @@ def read_packets(path: Path) -> Packets:
 
 
 _MISSING = "the file has no time stamps: times follow from its frame rate"
+_UNKNOWN = "the file has neither time stamps nor a frame rate: times are not known"
 _REPEAT = "time stamps repeat or go back: times are not known"
 
 
@@ -129,10 +130,12 @@ def _trouble(listed: list[Packet], intra_only: bool) -> str | None:
 
 
 def _times(
-    stamps: list[Fraction | None], trouble: str | None, rate: Fraction, clock: Fraction
+    stamps: list[Fraction | None], trouble: str | None, rate: Fraction | None, clock: Fraction
 ) -> tuple[tuple[Fraction, ...] | None, str | None]:
     """Times of the frames as they are shown, s, None where they are not known, and a note on them."""
-    if trouble == _MISSING:
+    if trouble == _MISSING and not rate:
+        return None, _UNKNOWN
+    if trouble == _MISSING and rate:
         return tuple(number / rate for number in range(len(stamps))), trouble
     known = [stamp for stamp in stamps if stamp is not None]
     if trouble is None and all(b > a for a, b in itertools.pairwise(known)):
@@ -188,16 +191,18 @@ def _order_of_decoding(path: Path, listed: list[Packet]) -> Iterator[int]:
     yield from failed
 
 
-def _cut(path: Path, container: Any, stream: Any, count: int, end: Fraction, rate: Fraction) -> str:
+def _cut(path: Path, container: Any, stream: Any, count: int, end: Fraction, rate: Fraction | None) -> str:
     """Return a note where the file states more frames, time or bytes than it has."""
     frames, kind = stream.frames or 0, container.format.name
-    stated = frames / rate if kind == "avi" else Fraction(container.duration or 0, av.time_base)
+    stated = Fraction(container.duration or 0, av.time_base)
+    if kind == "avi":
+        stated = frames / rate if rate else Fraction(0)
     missing = missing_bytes(path)
-    ends_early = stated > end + Fraction(3, 2) / rate
+    ends_early = rate is not None and stated > end + Fraction(3, 2) / rate
     there = f"{count} frame{'s are' if count != 1 else ' is'} there"
     if frames > count and (missing or ends_early):
         return f"the file is cut short or damaged: it states {frames} frames ({float(stated):.4g} s), {there}"
-    if not frames and ends_early and (missing or kind.startswith(_COUNTED)):
+    if rate is not None and not frames and ends_early and (missing or kind.startswith(_COUNTED)):
         about = f"about {round(stated * rate)} frames ({float(stated):.4g} s)"
         return f"the file is cut short or damaged: it states {about}, {there}"
     if missing:
