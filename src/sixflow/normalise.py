@@ -156,23 +156,26 @@ class Frame:
     floor : float, or float array of the same shape
         Standard deviation of the noise that a pixel has at least (`sixflow.floor`). Halved frames, on which nothing is
         measured, state none.
+    rounded : float
+        Share of the floor that rounding left, and that is noise in the gradients; the rest is what a codec left out.
     """
 
     image: NDArray[Any]
     valid: NDArray[np.uint8]
     reach: int = 0
     floor: float | NDArray[Any] = 0.0
+    rounded: float = 1.0
     _half: Frame | None = None
     _coefficients: dict[int, NDArray[Any]] = dataclasses.field(default_factory=dict)
     _filtered: dict[float, Frame] = dataclasses.field(default_factory=dict)
 
     def within(self, valid: NDArray[np.uint8]) -> Frame:
         """Return the same image with another validity mask."""
-        return self if valid is self.valid else Frame(self.image, valid, self.reach, self.floor)
+        return self if valid is self.valid else Frame(self.image, valid, self.reach, self.floor, self.rounded)
 
     def showing(self, image: NDArray[Any]) -> Frame:
         """Return another image with the same validity mask."""
-        return Frame(image, self.valid, self.reach, self.floor)
+        return Frame(image, self.valid, self.reach, self.floor, self.rounded)
 
     def lowpassed(self, lowpass: float) -> Frame:
         """Return the frame after a Gaussian of `lowpass` px; the frame itself for 0."""
@@ -181,7 +184,8 @@ class Frame:
         if lowpass not in self._filtered:
             reach = self.reach + lowpass_reach(lowpass)
             floor = self.floor * math.sqrt(lowpass_noise(lowpass))
-            self._filtered[lowpass] = Frame(smoothed(self.image, lowpass), self.valid, reach, floor)
+            image = smoothed(self.image, lowpass)
+            self._filtered[lowpass] = Frame(image, self.valid, reach, floor, self.rounded)
         return self._filtered[lowpass]
 
     def part(self, place: tuple[slice, slice]) -> Frame:
@@ -190,7 +194,8 @@ class Frame:
             return self
         valid = np.ascontiguousarray(self.valid[place]) if self.valid.size else self.valid
         floor = self.floor if isinstance(self.floor, float) else np.ascontiguousarray(self.floor[place])
-        return Frame(np.ascontiguousarray(self.image[place]), valid, self.reach, floor)
+        image = np.ascontiguousarray(self.image[place])
+        return Frame(image, valid, self.reach, floor, self.rounded)
 
     def level(self, halvings: int) -> Frame:
         """Return the frame halved so many times; pixel (j, i) of a halved frame lies on pixel (2j, 2i)."""
@@ -370,7 +375,8 @@ def flattened(frame: Frame, sigma: float, region: NDArray[Any] | None = None) ->
     floor: float | NDArray[Any] = 0.0
     if np.any(frame.floor):
         floor = np.asarray(frame.floor / contrast, frame.image.dtype)
-    return Frame((centred / contrast).astype(frame.image.dtype), frame.valid, frame.reach, floor)
+    image = (centred / contrast).astype(frame.image.dtype)
+    return Frame(image, frame.valid, frame.reach, floor, frame.rounded)
 
 
 def _local_light(

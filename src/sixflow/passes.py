@@ -85,7 +85,7 @@ class Passes:
         self.central = settings.reference == "middle"
         self.reference_valid = reference.interpolable() if self.central else reference.counted()
         self.weights = moment_weights(settings.sigma).astype(self.dtype)
-        self.floor = _mean_floor(reference, moved)
+        self.floor, self.rounded = _mean_floor(reference, moved), max(reference.rounded, moved.rounded)
         self.by_window = settings.lighting == "gain+offset"
         self.lighting = np.empty((0, 0, 0, 0), self.dtype)
         self._update = self._last = np.zeros((6, *grid.shape))
@@ -501,8 +501,12 @@ class Passes:
             contrast = np.sqrt(np.maximum(power / weight - (mean / weight) ** 2, 0))
             residual = np.sqrt(left * square / weight) / contrast
             tail = 2 / np.pi * left * square * weight / absolute**2
-        noise, lacking = above_floor(noise, self._floor_of_windows())
-        return Seen(weight, noise, residual, left, *self._texture(noise, weight), tail, lacking)
+        floor = self._floor_of_windows()
+        texture = self._texture(
+            above_floor(noise, floor * self.rounded)[0], weight
+        )  # what a codec left out is not there
+        noise, lacking = above_floor(noise, floor)
+        return Seen(weight, noise, residual, left, *texture, tail, lacking)
 
     def _explained_power(self) -> NDArray[np.float64]:
         """What the last update took out of Σ w r²; shape (rows, columns)."""

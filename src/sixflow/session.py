@@ -143,7 +143,8 @@ class Session:
             image, valid if within is None else both_valid((within.labels != 0).astype(np.uint8), valid)
         )
         mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
-        frame, unlit = Frame(image, valid, floor=self.floor.under(array) * self.scale), None
+        floor, rounded = self.floor.under(array)
+        frame, unlit = Frame(image, valid, floor=floor * self.scale, rounded=rounded), None
         if self.settings.lighting == "local":
             frame, unlit = flattened(frame, self.settings.sigma), frame
         if not lasting:

@@ -103,11 +103,14 @@ class EigenfilterPasses(Passes):
         explained = np.einsum("...i,...ij,...j->...", update, self._normal, update) * array.frame_constant
         with np.errstate(invalid="ignore", divide="ignore"):
             left = np.clip(1 - explained / power, 0.01, 1)
-            noise, lacking = above_floor(np.sqrt(left * power / freedom / 2), self._floor_of_windows())
+            noise, floor = np.sqrt(left * power / freedom / 2), self._floor_of_windows()
+            added = above_floor(noise, floor * self.rounded)[
+                0
+            ]  # what a codec left out is not in the gradients
             residual = np.sqrt(left * power / contrast)
             # the mean of two frames has a quarter of the power of their difference
             share = freedom / array.freedom
-            gamma = share * noise**2 / 2 * array.gradient_noise[[0, 3], [0, 3]].mean() / array.frame_constant
+            gamma = share * added**2 / 2 * array.gradient_noise[[0, 3], [0, 3]].mean() / array.frame_constant
             a, b, c = (
                 self._normal[..., 0, 0] - gamma,
                 self._normal[..., 0, 3],
@@ -116,6 +119,7 @@ class EigenfilterPasses(Passes):
             weakest = (a + c) / 2 - np.sqrt((a - c) ** 2 / 4 + b**2)
             rho = 2 * gamma / (a + c)
             texture = np.where(weakest > 1e-4 * (a + c), weakest / gamma, 0.0)
+        noise, lacking = above_floor(noise, floor)
         return Seen(weight, noise, residual, left, gamma, texture, rho, None, lacking)
 
     def _covariance(self, seen: Seen, transform: NDArray[np.float64]) -> NDArray[Any]:
@@ -127,7 +131,7 @@ class EigenfilterPasses(Passes):
         if seen.lacking is not None:
             least = np.broadcast_to(np.sqrt(floor), power.shape)
             meat += seen.lacking[..., None, None] * self._correlated(equations.design, least)
-            power = np.maximum(power, floor * equations.freedom)
+            power = np.maximum(power, floor * self.rounded**2 * equations.freedom)
         meat /= array.frame_constant**2
         on_gradient = array.gradient_noise * (power / array.freedom / 4)[..., None, None]
         clean = self._normal - pool.matrices(on_gradient) / array.frame_constant
