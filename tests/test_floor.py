@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from sixflow import measure, measure_sequence, open_frames, synth
 from sixflow.floor import Floor, rounding_noise
@@ -131,6 +132,21 @@ def test_a_source_states_its_floor(still):
     assert ratio == pytest.approx(expected, rel=1e-4)  # what the codec left out is no noise in the gradients
     assert float(lossy.noise.min()) == pytest.approx(np.hypot(3.0, ROUNDED), rel=1e-3)
     assert Floor.of(still, Lossy()).compression == 3.0
+
+
+@pytest.mark.parametrize("quality", [40, 75])
+def test_compressed_pictures_are_given_with_the_errors_that_they_have(tmp_path, quality):
+    motion = synth.Affine.translation(0.6, -0.3)
+    made = synth.pair(
+        synth.Speckle(sigma=3, contrast=15, seed=5), motion, (160, 160), sensor=synth.Sensor(noise=2)
+    )
+    for k, frame in enumerate((made.frame0, made.frame1)):
+        Image.fromarray(np.rint(frame).astype(np.uint8)).save(tmp_path / f"f{k}.jpg", quality=quality)
+    field = measure_sequence(open_frames(tmp_path), step=16)
+    given = field.sixflow.valid
+    assert float(given.mean()) > 0.9
+    beyond = abs(field.u - 0.6) > 5 * field.sixflow.standard_errors.u
+    assert not bool((beyond & given).any())
 
 
 def test_luminance_has_been_rounded_in_three_channels(still):

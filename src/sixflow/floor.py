@@ -9,8 +9,8 @@ compression left out is in neither. With a step Δ of the grey values, rounding 
 Where the residual of a window shows less, the covariance becomes that of white noise at the floor (`sixflow.quality`,
 `above_floor`); where it shows more, as with a camera's noise of half a grey value, nothing changes.
 
-The error of a codec is what it left out, and is not correlated with the frame that is seen; rounding adds to that frame,
-as a camera's noise does. Both count in the covariance, rounding alone in the squares of the gradients.
+The error of a codec is what it left out, and is not correlated with the frame that is seen; rounding adds to that, as a
+camera's noise does. Both count in the covariance, rounding alone in the squares of the gradients.
 
 Δ is read off the values themselves: the largest step that leads to all of them. A 12-bit camera in 16-bit files may
 have one of 16, and grey values that were divided by 255 one of 1/255. It is no coarser than an eighth of the range of
@@ -124,7 +124,7 @@ class Floor:
         )
 
     def under(self, frame: ArrayLike) -> tuple[float, float]:
-        """Return the standard deviation of the noise that a frame has at least, grey values, and the share of rounding."""
+        """Return the standard deviation of a frame's least noise, grey values, and the share of rounding in it."""
         rounding = max(rounding_noise(frame), self.rounding)
         floor = math.hypot(rounding, self.compression)
         return floor, rounding / floor if floor else 1.0

@@ -502,9 +502,8 @@ class Passes:
             residual = np.sqrt(left * square / weight) / contrast
             tail = 2 / np.pi * left * square * weight / absolute**2
         floor = self._floor_of_windows()
-        texture = self._texture(
-            above_floor(noise, floor * self.rounded)[0], weight
-        )  # what a codec left out is not there
+        added = above_floor(noise, floor * self.rounded)[0]  # what a codec left out is not in the gradients
+        texture = self._texture(added, weight)
         noise, lacking = above_floor(noise, floor)
         return Seen(weight, noise, residual, left, *texture, tail, lacking)
 
