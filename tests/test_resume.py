@@ -196,3 +196,11 @@ def test_frames_of_unlike_values_are_measured_or_refused(frames, factor):
             first * np.float32(scale), frames[1].astype(np.float32) * np.float32(scale), **QUICK
         )
         assert abs(float(field.u.median()) - 0.6) < 0.02
+
+
+@pytest.mark.parametrize("name", ["flag", "x", "u"])
+def test_an_unfinished_store_that_has_lost_an_array_is_refused(tmp_path, frames, name):
+    interrupted(tmp_path / "f.zarr", frames)
+    (tmp_path / "f.zarr.partial" / "field.zarr" / name / "zarr.json").unlink()
+    with pytest.raises(FieldFileError, match=rf"what describes {name} is missing\); discard it"):
+        part(tmp_path / "f.zarr", frames)

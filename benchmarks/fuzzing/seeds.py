@@ -185,9 +185,12 @@ def masks() -> dict[str, Maker]:
         import roifile
     except ImportError:
         return made
-    polygon = roifile.ImagejRoi.frompoints([[8, 8], [56, 8], [30, 40]])
+    polygon, other = (
+        roifile.ImagejRoi.frompoints(points, name=name)
+        for name, points in (("a", [[8, 8], [56, 8], [30, 40]]), ("b", [[4, 4], [20, 4], [4, 30]]))
+    )
     made["region.roi"] = lambda path: polygon.tofile(str(path))
-    made["regions.zip"] = lambda path: roifile.roiwrite(str(path), [polygon, polygon])
+    made["regions.zip"] = lambda path: roifile.roiwrite(str(path), [polygon, other])
     return made
 
 

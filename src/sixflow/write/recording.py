@@ -138,6 +138,7 @@ class RecordingWriter:
         identity = self._progress.identity
         try:
             self._progress.load()
+            zarrstore.require_described(self._store)
             zarrstore.cut(self._store, self.done)
             self._template = zarrstore.read(self._store)
             if self._template.sizes["time"] != self.done:

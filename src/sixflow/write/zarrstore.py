@@ -86,6 +86,13 @@ def seal(path: Path) -> None:
         zarr.consolidate_metadata(path)
 
 
+def require_described(path: Path) -> None:
+    """Raise ValueError if an array of an unfinished store has lost the file that describes it."""
+    lost = sorted(one.name for one in path.iterdir() if one.is_dir() and not (one / "zarr.json").is_file())
+    if lost:
+        raise ValueError(f"what describes {', '.join(lost)} is missing")
+
+
 def read(path: Path) -> xr.Dataset:
     """Return the field in a store, to be loaded when it is used."""
     with quiet():
