@@ -7,6 +7,7 @@ import xarray as xr
 
 from sixflow import InputError, iterate_sequence, measure, measure_sequence
 from sixflow.cli import main
+from sixflow.cli.errors import BAD_FRAMES
 from sixflow.errors import BadFrameError
 from sixflow.field.flags import FAILING, FLAGS
 from sixflow.frames import BadFrame, open_frames
@@ -194,9 +195,9 @@ def test_resumed_numbers_are_those_of_an_uninterrupted_run(pairs, update):
 
 def test_frames_that_cannot_be_read():
     class Damaged(type(open_frames(FRAMES))):
-        def _raw(self, start):
-            for k, (name, frame) in enumerate(super()._raw(start), start):
-                yield name, BadFrame(name, InputError(f"{name}: damaged")) if k == 2 else frame
+        def _raw(self, numbers):
+            for k, name, frame in super()._raw(numbers):
+                yield k, name, BadFrame(name, InputError(f"{name}: damaged")) if k == 2 else frame
 
     field = measure_sequence(Damaged(FRAMES[:5]), **OPTIONS)
     assert valid_and_flags(field)[0] == [1, 0, 0, 1]
@@ -220,7 +221,7 @@ def test_command_line(tmp_path, monkeypatch, capsys, suffix):
     assert "frame 2" in err
     assert "constant (0)" in err
     assert "1 pairs are complete" in err
-    assert main([*command, "--resume"]) == 0
+    assert main([*command, "--resume"]) == BAD_FRAMES  # done, but a frame was bad
     out, err = capsys.readouterr()
     assert ", 3 pairs with a bad or repeated frame, " in out
     assert "frames 1 and 2 were not measured" in err
@@ -230,10 +231,10 @@ def test_command_line(tmp_path, monkeypatch, capsys, suffix):
         assert set(back.attrs["notes"].splitlines()) == set(again.attrs["notes"].splitlines())
     if suffix == "nc":
         return
-    assert main([*command, "--overwrite", "--plot", "field.png", "--quiet"]) == 0
+    assert main([*command, "--overwrite", "--plot", "field.png", "--quiet"]) == BAD_FRAMES
     black = np.stack(film(f0="black")).astype(np.uint8)
     tifffile.imwrite("dark.tif", black, photometric="minisblack")
     dark = ["measure", "dark.tif", "-o", "dark.csv", "--window", "21", "--step", "16"]
     assert main([*dark, "--pairs", "first"]) == 2
     assert "--first 1" in capsys.readouterr().err
-    assert main(dark) == 0
+    assert main(dark) == BAD_FRAMES

@@ -322,9 +322,9 @@ class Stating(FrameSource):
     def count(self):
         return len(self._frames)
 
-    def _raw(self, start):
-        for k in range(start, len(self._frames)):
-            yield f"frame {k}", self._frames[k]
+    def _raw(self, numbers):
+        for k in range(len(self._frames))[numbers.start : numbers.stop]:
+            yield k, f"frame {k}", self._frames[k]
 
     def _origin(self):
         return "a camera"

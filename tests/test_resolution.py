@@ -96,7 +96,7 @@ def test_what_it_does_not_go_with(options):
 
 
 def test_other_words():
-    with pytest.raises(InputError, match="window='wide': must be at least 5 px, or 'auto'"):
+    with pytest.raises(InputError, match="window='wide': must be from 5 to 1048576 px, or 'auto'"):
         Settings(window="wide")
 
 

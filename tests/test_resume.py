@@ -89,7 +89,7 @@ def test_digests_of_frames():
     seen = FrameDigests([frame_digest(image), "bad"])
     assert len(list(seen.watch([image, bad[1], image + 1]))) == len(seen.known) == 3
     with pytest.raises(InputError, match=r"frame 1 \(f1.png\)"):
-        list(FrameDigests(seen.known).watch([image, image], ["f0.png", "f1.png"]))
+        list(FrameDigests(seen.known).watch([image, image], ["f0.png", "f1.png"].__getitem__))
 
 
 @pytest.mark.parametrize(

@@ -128,8 +128,8 @@ def test_time_in_a_pair(reference):
     assert of(FrameTimes(None, 0.5)) == (2 + share, 2, 3, "s", 1, "s")
     assert of(FrameTimes(None, 0.5, double=True)) == (4 + 2 * share, 4, 6, "frame", 0.5, "s")
     assert of(FrameTimes()) == (4 + 2 * share, 4, 6, "frame", 2, "frame")
-    gap = of(FrameTimes(None, 0.5, breaks=(3,)))
+    gap = of(FrameTimes(None, 0.5, breaks=(5,)))
     assert gap[:4] == (4 + 2 * share, 4, 6, "frame")
     assert np.isnan(gap[4])
-    assert of(FrameTimes(None, 0.5, breaks=(2,)))[4] == 1  # missing before the pair, not in it
+    assert of(FrameTimes(None, 0.5, breaks=(4,)))[4] == 1  # missing before the pair, not in it
     assert of(FrameTimes(None, 0.5), (0, 3), (0, 6), "first")[0] == 3  # of the moved frame

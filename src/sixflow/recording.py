@@ -189,7 +189,7 @@ class Recording:
     def frames(self) -> Iterator[Array | BadFrame]:
         """The frames one after the other; in place of one that cannot be read, a `BadFrame`."""
         frames = self.source.attempt()
-        for frame in frames if self._digests is None else self._digests.watch(frames, self.source.names):
+        for frame in frames if self._digests is None else self._digests.watch(frames, self.name):
             self.seen += 1
             yield frame
 

@@ -94,7 +94,7 @@ def frame_shape(field: xr.Dataset) -> tuple[int, int]:
     InputError
         If the attribute frame_shape is missing or is not two positive whole numbers.
     """
-    asked = field.attrs.get("frame_shape", [])
+    asked = field.attrs.get("frame_shape")
     sides = [plain(side) for side in asked] if isinstance(asked, list | tuple | np.ndarray) else []
     whole = [int(side) for side in sides if is_number(side) and side == round(side) and 1 <= side <= WIDEST]
     if len(sides) != 2 or len(whole) != 2:

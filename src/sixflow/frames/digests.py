@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -40,15 +40,17 @@ class FrameDigests:
     def __init__(self, known: Sequence[str] = ()) -> None:
         self.known = list(known)
 
-    def watch(self, frames: Iterable[Frame], names: Sequence[str] = ()) -> Iterator[Frame]:
+    def watch(
+        self, frames: Iterable[Frame], name_of: Callable[[int], str] = "frame {}".format
+    ) -> Iterator[Frame]:
         """Yield the frames from the first on, comparing those that are known and remembering the others.
 
         Parameters
         ----------
         frames : iterable
             Arrays, or `BadFrame`, all of which are alike.
-        names : sequence of str
-            Of the frames, for messages.
+        name_of : callable
+            The name of a frame from its place, for messages.
 
         Raises
         ------
@@ -61,9 +63,8 @@ class FrameDigests:
             if count > len(self.known):
                 self.known.append(digest)
             elif self.known[count - 1] != digest:
-                name = f" ({names[count - 1]})" if count <= len(names) else ""
                 raise InputError(
-                    f"frame {count - 1}{name}: is not the frame that was measured before the interruption; "
+                    f"{name_of(count - 1)}: is not the frame that was measured before the interruption; "
                     "put that back, or begin again with overwrite=True (--overwrite)"
                 )
             yield frame
