@@ -160,9 +160,9 @@ def field_of_pair(
         time_unit=times.unit,
         frame_numbers=[result.numbers],
         attrs=attrs,
+        coordinates=_coordinates(result, times, names),
     )
     field["time"].attrs["long_name"] = times.meaning
-    field = field.assign_coords(_coordinates(result, times, names))
     if result.moved_covariance is None:
         return field
     part = field["covariance"].copy(data=result.moved_covariance[None])
@@ -182,14 +182,9 @@ def _coordinates(result: PairResult, times: PairTimes, names: NDArray[Any] | Non
         "interval": one(times.interval, "time between the two frames", times.interval_unit),
     }
     if names is not None:
-        coordinates["name0"] = one(names[0], "file of the reference frame")
-        coordinates["name1"] = one(names[1], "file of the moved frame")
-        for name in ("name0", "name1"):
-            coordinates[name] = (
-                *coordinates[name][:1],
-                coordinates[name][1].astype(names.dtype),
-                coordinates[name][2],
-            )
+        for k, frame in enumerate(("reference", "moved")):
+            said = {"long_name": f"file of the {frame} frame"}
+            coordinates[f"name{k}"] = ("time", names[k : k + 1], said)
     if result.measured_from is not None:
         text = "number of the frame that the moved frame was compared with"
         coordinates["measured_from"] = one(np.int64(result.measured_from), text)

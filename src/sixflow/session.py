@@ -458,7 +458,8 @@ class Session:
         if kept:
             digest = hashlib.sha256(np.ascontiguousarray(self.guess_maps).tobytes()).hexdigest()[:16]
             attrs["guess"] = f"the variable guess, sha256 {digest}"
-        field = field_of_pair(result, times, names, self.grid, self.shape, self.asked).assign_attrs(attrs)
+        field = field_of_pair(result, times, names, self.grid, self.shape, self.asked)
+        field.attrs |= attrs
         if not kept or self.guess_maps is None:
             return field
         said = {"long_name": "first guess of the six numbers, in the order of param", "units": "px, 1"}

@@ -68,6 +68,7 @@ def build_field(
     frame_numbers: Sequence[tuple[int, int]],
     attrs: Mapping[str, Any],
     body: Array | None = None,
+    coordinates: Mapping[str, Any] | None = None,
 ) -> xr.Dataset:
     """Assemble the dataset described in this module.
 
@@ -89,6 +90,8 @@ def build_field(
         Settings, version, digest and resolution of the measurement.
     body : int array, shape (time, y, x), optional
         Number of each point's body.
+    coordinates : mapping, optional
+        Further coordinates along time, as xarray takes them; they go over those made here.
     """
     grid = ("time", "y", "x")
     variables: dict[str, Any] = {
@@ -116,7 +119,7 @@ def build_field(
     if body is not None:
         variables["body"] = (grid, body, {"long_name": "number of the body in the mask, 0 where masked"})
     numbers = np.asarray(frame_numbers, dtype=np.int64).reshape(-1, 2)
-    coordinates = {
+    usual = {
         "time": ("time", time, {"long_name": "time of the reference frame", "units": time_unit, "axis": "T"}),
         "y": ("y", y, {"long_name": "row, downwards", "units": "px", "axis": "Y"}),
         "x": ("x", x, {"long_name": "column, to the right", "units": "px", "axis": "X"}),
@@ -127,6 +130,6 @@ def build_field(
     }
     return xr.Dataset(
         variables,
-        coordinates,
+        usual | dict(coordinates or {}),
         {"Conventions": "CF-1.11", "title": "six-parameter optical flow field"} | dict(attrs),
     )
