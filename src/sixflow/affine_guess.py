@@ -23,6 +23,7 @@ KINDS = (
     "a field, or a function (x, y) → (u, v)"
 )
 _LEAST_AREA = 0.01
+"""det F of a guess below which it folds the plane, or presses it together so far that nothing could be matched."""
 
 
 def as_numbers(guess: Any) -> Numbers:

@@ -28,6 +28,7 @@ VARIES = "varies"
 """What the attribute `interval` says of pairs that do not all have the same."""
 
 _ROUNDING = 1e-9
+"""Share of an interval that differences of times in double precision may leave, as of times of day in seconds."""
 
 
 @dataclasses.dataclass(frozen=True)
