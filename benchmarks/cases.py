@@ -13,7 +13,7 @@ from sixflow import synth
 from sixflow.convention import SIX
 from sixflow.engine.moments import moments_strip, sandwich_strip
 from sixflow.engine.window import moment_weights
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 console = Console(width=150)
 

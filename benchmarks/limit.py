@@ -21,7 +21,7 @@ from sixflow import synth
 from sixflow.convention import SIX
 from sixflow.engine.response import response as response_of
 from sixflow.engine.window import sharpening_noise, window_sigma
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 SIDE, WINDOW, STEP, NOISE = 512, 31, 8, 2.0
 SMALL = (2.0, -1.5, 0.008, 0.012, 0.006, -0.005)  # about 1 %, up to 6 px in the corners

@@ -26,8 +26,8 @@ import numpy as np
 import sixflow
 from cases import console, cramer_rao, rms, show, verdict
 from sixflow import synth
-from sixflow.field.flags import FAILING
-from sixflow.grid import Grid
+from sixflow.convention.flags import FAILING
+from sixflow.maps.grid import Grid
 
 SIDE, WINDOW, STEP, NOISE = 384, 31, 8, 2.0
 SIX = (2.0, -1.5, 0.008, 0.012, 0.006, -0.005)
@@ -268,7 +268,7 @@ def waves(seeds: int) -> None:
             flag = sixflow.measure(shown.frame0, shown.frame1).flag.values[0].astype(int)
             inside = np.s_[3:-3, 3:-3]
             lost.append(((flag & FAILING) != 0)[inside].mean())
-            unresolved.append(((flag & sixflow.field.flags.FLAGS["unresolved"]) != 0)[inside].mean())
+            unresolved.append(((flag & sixflow.convention.flags.FLAGS["unresolved"]) != 0)[inside].mean())
         rows.append([name, f"{100 * np.mean(lost):.2f} %", f"{100 * np.mean(unresolved):.2f} %"])
     show(
         "Smooth flows to the limit of resolution (period 120 px)", ["case", "NaN", "flagged unresolved"], rows

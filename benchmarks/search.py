@@ -24,7 +24,7 @@ import sixflow
 from cases import console, rms, show, verdict
 from sixflow import synth
 from sixflow.convention import SIX
-from sixflow.normalise import NO_MASK, Frame
+from sixflow.prepare.frame import NO_MASK, Frame
 from sixflow.search.plane import find_plane
 
 SIDE, WINDOW, NOISE = 512, 31, 2.0

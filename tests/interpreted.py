@@ -6,9 +6,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from sixflow.convention import SIX_FROM_GRADIENT
+from sixflow.convention.flags import FLAGS
 from sixflow.engine.window import window_sigma
 from sixflow.field.dataset import build_field
-from sixflow.field.flags import FLAGS
 from sixflow.interpretation import Estimate, RegionFit
 from sixflow.interpretation.region import fit_region
 from sixflow.scenes import Camera, Eight, homography_flow, homography_six, plane_homography

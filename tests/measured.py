@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 
+from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.field.dataset import SIX
-from sixflow.field.flags import FAILING, FLAGS
 from sixflow.synth import Affine, Pair, Particles, Sensor, Speckle, Texture, pair
 
 SMALL = (0.8, -0.6, 0.004, 0.006, 0.003, -0.002)

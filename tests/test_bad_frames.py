@@ -8,8 +8,8 @@ import xarray as xr
 from sixflow import InputError, iterate_sequence, measure, measure_sequence
 from sixflow.cli import main
 from sixflow.cli.errors import BAD_FRAMES
+from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.errors import BadFrameError
-from sixflow.field.flags import FAILING, FLAGS
 from sixflow.frames import BadFrame, open_frames
 from sixflow.measurement import join_fields
 from sixflow.synth import Affine, Sensor, Speckle, sequence

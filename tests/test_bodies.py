@@ -6,10 +6,10 @@ import pytest
 import measured
 import naive
 from sixflow import InputError, between, measure, measure_sequence
-from sixflow.between import Between
 from sixflow.engine.window import window_sigma
 from sixflow.masks import REACH, Bodies, Masks
-from sixflow.normalise import NO_MASK, flatten_lighting
+from sixflow.pair.body import Between
+from sixflow.prepare.frame import NO_MASK, flatten_lighting
 from sixflow.synth import Affine, Sensor, Speckle, pair, render
 
 SIZE, EDGE, SHIFT = 176, 88, 1.3

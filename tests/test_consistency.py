@@ -5,7 +5,11 @@ import pytest
 
 import measured
 from sixflow import measure
-from sixflow.consistency import (
+from sixflow.convention import SIX_FROM_GRADIENT
+from sixflow.convention.flags import FAILING, FLAGS
+from sixflow.engine.window import attenuation_period, window_sigma
+from sixflow.field.dataset import SIX
+from sixflow.judge.contradiction import (
     ERRORS,
     FLOOR,
     GRADIENT_FLOOR,
@@ -19,13 +23,9 @@ from sixflow.consistency import (
     of_smooth,
     stands_out,
 )  # fmt: skip
-from sixflow.convention import SIX_FROM_GRADIENT
-from sixflow.engine.window import attenuation_period, window_sigma
-from sixflow.field.dataset import SIX
-from sixflow.field.flags import FAILING, FLAGS
-from sixflow.grid import Grid
-from sixflow.replace import carry, predictions
-from sixflow.roundtrip import closure, no_return
+from sixflow.judge.replace import carry, predictions
+from sixflow.judge.roundtrip import closure, no_return
+from sixflow.maps.grid import Grid
 from sixflow.synth import Affine, Sensor, Speckle, pair, render
 
 STEP, WINDOW = 8, 31

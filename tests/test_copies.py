@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from sixflow import measure_sequence, synth
-from sixflow.copies import copied_pixels
-from sixflow.field.flags import FLAGS
+from sixflow.convention.flags import FLAGS
 from sixflow.frames import Compression, Metadata
+from sixflow.prepare.copies import copied_pixels
 
 SHAPE = (96, 128)
 MOTION = (0.6, -0.3)

@@ -14,11 +14,11 @@ from sixflow.eigenfilters.pool import Pool, shifted
 from sixflow.eigenfilters.projection import Projection
 from sixflow.engine.warp import DERIVATIVE
 from sixflow.engine.window import window_sigma
-from sixflow.grid import Grid
-from sixflow.normalise import NO_MASK, Frame
+from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import NO_MASK, Frame
+from sixflow.refine.workspace import Workspace
 from sixflow.settings import Settings
 from sixflow.synth import Affine, Speckle, pair
-from sixflow.workspace import Workspace
 
 DTYPES = [np.float32, np.float64]
 LENGTH = 5.0

@@ -12,7 +12,7 @@ from sixflow.eigenfilters.historical import (
 )
 from sixflow.eigenfilters.historical.moments import WindowSums
 from sixflow.errors import InputError
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 from sixflow.plot import plot_field
 from sixflow.synth import Affine, Grating, Sensor, Speckle, pair
 

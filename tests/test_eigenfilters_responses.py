@@ -17,7 +17,7 @@ from sixflow.eigenfilters import (
     response_pyramid,
 )
 from sixflow.engine.fir import _HALVING
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 RADIUS = 7
 BANK = FilterBank(

@@ -5,7 +5,7 @@ import pytest
 
 import naive
 from sixflow.engine.array import fold_strip, pool_strip, product_strip
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 DTYPES = [np.float32, np.float64]
 

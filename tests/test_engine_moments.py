@@ -6,7 +6,7 @@ import pytest
 import naive
 from sixflow.engine.moments import affine_moments_strip, moments_strip, sandwich_strip, statistics_strip
 from sixflow.engine.window import moment_weights
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 DTYPES = [np.float32, np.float64]
 # steps that divide nothing, windows wider than the frame, frames wider than a tile of 256 columns

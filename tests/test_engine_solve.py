@@ -12,7 +12,7 @@ from sixflow.engine.solve import (
     solve_strip,
     texture_strip,
 )
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 SIGMA = 4.5
 GRID = Grid.over((40, 150), 8)

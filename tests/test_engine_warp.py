@@ -7,7 +7,7 @@ import naive
 from sixflow.engine.blend import twist_of
 from sixflow.engine.spline import noise_variance, spline_coefficients
 from sixflow.engine.warp import warp_strip
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 NO_MASK = np.empty((0, 0), np.uint8)
 DTYPES = [np.float32, np.float64]

@@ -5,9 +5,9 @@ import pytest
 from PIL import Image
 
 from sixflow import measure, measure_sequence, open_frames, synth
-from sixflow.floor import Floor, rounding_noise
 from sixflow.frames import Compression, Metadata
-from sixflow.session import Session
+from sixflow.frames.floor import Floor, rounding_noise
+from sixflow.pair.session import Session
 from sixflow.settings import Settings
 
 SHAPE = (96, 96)

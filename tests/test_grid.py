@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 
 @pytest.mark.parametrize("step", [1, 2, 7, 8, 30, 1000])

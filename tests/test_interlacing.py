@@ -8,7 +8,7 @@ from PIL import Image
 
 import sixflow
 from sixflow import synth
-from sixflow.interlacing import InterlacingCheck, is_interlaced
+from sixflow.prepare.interlacing import InterlacingCheck, is_interlaced
 
 SHAPE = (128, 160)
 PATTERNS = [

@@ -21,10 +21,10 @@ from interpreted import (
 )
 from sixflow import synth
 from sixflow.convention import numerical_jacobian
+from sixflow.convention.flags import FLAGS
 from sixflow.engine.response import response as response_of
 from sixflow.engine.window import sharpening_noise
 from sixflow.errors import InputError, MeasurementError
-from sixflow.field.flags import FLAGS
 from sixflow.interpretation import fit_region
 from sixflow.interpretation.correlation import Correlation, unknowns_from_six
 from sixflow.interpretation.model import plane_in_window

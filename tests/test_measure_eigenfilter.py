@@ -20,10 +20,10 @@ from sixflow.engine import threads
 from sixflow.engine.response import response as response_of
 from sixflow.engine.window import attenuation_period, sharpening_noise, window_sigma
 from sixflow.field.dataset import SIX
-from sixflow.grid import Grid
-from sixflow.normalise import NO_MASK, Frame
+from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import NO_MASK, Frame
+from sixflow.refine.workspace import Workspace
 from sixflow.synth import Affine, Motion, Sensor, Speckle, pair, render, sequence
-from sixflow.workspace import Workspace
 from sixflow.write import open_field
 
 WINDOW, STEP, NOISE, SEEDS = 31, 8, 2, range(3)

@@ -10,7 +10,7 @@ import sixflow
 from measured import PATTERNS, complete, noisy, rms, six_of, standard_errors, windows
 from sixflow import InputError, Settings, synth
 from sixflow.convention import SIX
-from sixflow.restriction import ABSENT, allowed, confined, joined, maps_of, projection, unknowns
+from sixflow.maps.restriction import ABSENT, allowed, confined, joined, maps_of, projection, unknowns
 
 SIDE, WINDOW, STEP, NOISE = 192, 31, 8, 2.0
 CENTRE = ((SIDE - 1) / 2, (SIDE - 1) / 2)

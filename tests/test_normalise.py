@@ -5,7 +5,7 @@ import pytest
 
 import naive
 from sixflow.errors import InputError
-from sixflow.normalise import NO_MASK, Frame, both_valid, check_frame, flatten_lighting, to_image
+from sixflow.prepare.frame import NO_MASK, Frame, both_valid, check_frame, flatten_lighting, to_image
 
 
 def checker(shape, seed=1):

@@ -7,8 +7,8 @@ import pytest
 
 import measured
 from sixflow import InputError, Settings, convention, measure, measure_sequence
-from sixflow.grid import Grid
-from sixflow.placing import leaves, masked_points, placed
+from sixflow.maps.grid import Grid
+from sixflow.maps.placing import leaves, masked_points, placed
 from sixflow.synth import Affine, Sensor, Speckle, pair, sequence
 
 REFERENCES = ("first", "middle", "second")

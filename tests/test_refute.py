@@ -7,15 +7,15 @@ import pytest
 
 import naive
 from sixflow import between, measure
-from sixflow.consistency import curvature, gradient_variances
+from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.convention.reference import SHARE
 from sixflow.engine.window import attenuation_period, window_sigma
-from sixflow.field.flags import FAILING, FLAGS
-from sixflow.grid import Grid
-from sixflow.normalise import Frame
-from sixflow.passes import OF_CONTRAST
-from sixflow.quality import Quality
-from sixflow.refute import DISTANCES, ERRORS, EVIDENCE, EXPLAINED, FLOOR, FOREIGN, GAP, refuted
+from sixflow.judge.contradiction import curvature, gradient_variances
+from sixflow.judge.edges import DISTANCES, ERRORS, EVIDENCE, EXPLAINED, FLOOR, FOREIGN, GAP, refuted
+from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import Frame
+from sixflow.refine.passes import OF_CONTRAST
+from sixflow.refine.quality import Quality
 from sixflow.settings import Settings
 from sixflow.synth import Affine, Sensor, Speckle, Star, pair, render
 

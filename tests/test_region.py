@@ -9,7 +9,7 @@ import pytest
 from sixflow import InputError, Settings, measure, measure_sequence
 from sixflow.cli import main
 from sixflow.masks.outlines import inside_polygon, region_of
-from sixflow.region import as_polygons, as_rectangle
+from sixflow.settings.region import as_polygons, as_rectangle
 from sixflow.synth import Affine, Sensor, Speckle, sequence
 
 SHAPE = (64, 96)

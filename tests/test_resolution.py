@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from sixflow import InputError, Settings, measure, synth
+from sixflow.convention.flags import FAILING
 from sixflow.engine.window import attenuation_period, window_sigma
-from sixflow.field.flags import FAILING
-from sixflow.resolution import LADDER, SHARPEN, difference_noise, ladder, search_settings
+from sixflow.refine.resolution import LADDER, SHARPEN, difference_noise, ladder, search_settings
 
 SIDE = 192
 

@@ -5,7 +5,6 @@ import pytest
 
 import measured
 from sixflow import InputError, Settings, measure
-from sixflow.defects import defects, repaired, without_defects
 from sixflow.engine.weigh import (
     FULL,
     NEGLIGIBLE,
@@ -19,7 +18,8 @@ from sixflow.engine.weigh import (
     weighing_noise,
     weight_slope,
 )
-from sixflow.normalise import NO_MASK, Frame
+from sixflow.prepare.defects import defects, repaired, without_defects
+from sixflow.prepare.frame import NO_MASK, Frame
 from sixflow.synth import CellularVortices, Particles, Sensor, Speckle, pair
 
 SHAPE = (192, 192)

@@ -7,15 +7,15 @@ import pytest
 
 import measured
 from sixflow import measure
-from sixflow.field.flags import FLAGS
-from sixflow.grid import Grid
-from sixflow.normalise import NO_MASK, Frame
-from sixflow.quality import Quality
+from sixflow.convention.flags import FLAGS
+from sixflow.judge.flags import MINIMUM_WEIGHT
+from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import NO_MASK, Frame
+from sixflow.refine.quality import Quality
 from sixflow.search import stage
 from sixflow.search.doubt import MOST, reconsidered
 from sixflow.search.growth import Judged, Scene
 from sixflow.synth import Affine, Particles, Sensor, pair
-from sixflow.validate import MINIMUM_WEIGHT
 
 SHAPE = (10, 12)
 ONES = np.ones(SHAPE)

@@ -14,7 +14,7 @@ from sixflow import (
     open_field,
     write_field,
 )
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 from sixflow.search.guess import maps_of_guess
 from sixflow.synth import Affine, Sensor, pair
 

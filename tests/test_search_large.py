@@ -5,11 +5,11 @@ import pytest
 
 import measured
 from sixflow import InputError, Settings, measure
-from sixflow.normalise import NO_MASK, Frame
+from sixflow.pair.session import Session
+from sixflow.prepare.frame import NO_MASK, Frame
 from sixflow.search.plane import CHANCE, find_plane
 from sixflow.search.spectrum import spectrum_of
 from sixflow.search.tiles import agreement, haystack
-from sixflow.session import Session
 from sixflow.synth import Affine, Sensor, pair
 
 SIDE = 193

@@ -7,15 +7,15 @@ import measured
 import naive
 from sixflow import measure
 from sixflow.engine.response import response as response_of
-from sixflow.grid import Grid
-from sixflow.normalise import NO_MASK, Frame
-from sixflow.passes import Passes
-from sixflow.refine import refine
+from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import NO_MASK, Frame
+from sixflow.refine.iterate import refine
+from sixflow.refine.passes import Passes
+from sixflow.refine.sharpen import UniformWindow
+from sixflow.refine.workspace import Workspace
 from sixflow.search.pyramid import finer, level_count, pyramid
 from sixflow.settings import Settings
-from sixflow.sharpen import UniformWindow
 from sixflow.synth import Affine, Sensor, Speckle, pair
-from sixflow.workspace import Workspace
 
 
 def frames_of(made, dtype=np.float64):

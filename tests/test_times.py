@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 from sixflow import InputError
-from sixflow.seconds import in_seconds
-from sixflow.times import FrameTimes, given_times, recorded_times
+from sixflow.frames.seconds import in_seconds
+from sixflow.frames.times import FrameTimes, given_times, recorded_times
 
 DAY = datetime.datetime(2026, 1, 1, 12)
 STEP = datetime.timedelta(milliseconds=500)

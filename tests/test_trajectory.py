@@ -6,14 +6,14 @@ import pytest
 import measured
 from sixflow import InputError, iterate_sequence, measure, measure_sequence
 from sixflow.cli import main
-from sixflow.field.flags import FAILING, FLAGS
+from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.field.interval import elapsed
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 from sixflow.masks import Bodies
 from sixflow.measurement import join_fields
-from sixflow.sequence import LOST
+from sixflow.recording.sequence import LOST
+from sixflow.recording.trajectory import Motion, carried, joined
 from sixflow.synth import Affine, Sensor, Speckle, sequence
-from sixflow.trajectory import Motion, carried, joined
 from sixflow.write import open_field, write_field
 
 SIX = (0.8, -0.6, 0.02, 0.03, 0.015, -0.01)

@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 
 import naive
-from sixflow.field.flags import FAILING, FLAGS
-from sixflow.grid import Grid
-from sixflow.normalise import NO_MASK, Frame
-from sixflow.quality import Quality
-from sixflow.settings import Settings
-from sixflow.validate import (
+from sixflow.convention.flags import FAILING, FLAGS
+from sixflow.judge.flags import (
     LIMIT,
     _collapses,
     _islands,
@@ -19,6 +15,10 @@ from sixflow.validate import (
     median_outliers,
     settle,
 )
+from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import NO_MASK, Frame
+from sixflow.refine.quality import Quality
+from sixflow.settings import Settings
 
 STEP, WINDOW = 8, 31  # neighbours are asked 2 points away
 GRID = Grid(3, 3, STEP, 12, 10)

@@ -20,7 +20,7 @@ from sixflow import synth
 from sixflow.convention import SIX
 from sixflow.eigenfilters import FilterBank, JointOperator, PooledOperator, default_bank
 from sixflow.eigenfilters.default import array_bank
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 TARGET, PHASE_TARGET, COVERAGE = 1.15, 2.0, (0.95, 1.05)
 SIDE, POINT_SIDE = 512, 256

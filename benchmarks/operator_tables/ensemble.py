@@ -9,7 +9,7 @@ import numpy as np
 
 from cases import cramer_rao, errors_at_points, make_pair
 from sixflow import synth
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 WINDOW, STEP, NOISE = 31, 8, 2.0
 SMALL = (0.4, -0.3, 0.004, -0.006, 0.003, 0.002)

@@ -16,7 +16,7 @@ import numpy as np
 from cases import make_pair, rms, show, verdict
 from operator_tables.ensemble import STEP, TEXTURES, WINDOW, limit, measured
 from sixflow.eigenfilters.historical import differentiated_flow, fleet_jepson, gradient_ratio
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 SIDE, MARGIN = 320, 6  # px; grid points left out at every border
 LEVELS = (40, 30, 20, 15, 10, 6, 3, 0, -3, -6)

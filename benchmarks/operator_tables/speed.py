@@ -15,7 +15,7 @@ import sixflow
 from cases import show, verdict
 from operator_tables.ensemble import NOISE, SMALL, STEP, TEXTURES, WINDOW, make_pair
 from sixflow.eigenfilters.passes import EigenfilterPasses
-from sixflow.session import Session
+from sixflow.pair.session import Session
 from sixflow.settings import Settings
 
 SIDE = 1024

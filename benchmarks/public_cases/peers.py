@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from public_cases.case import Case
 from public_cases.measured import STEP, Measured, from_dense, from_grid
 from sixflow.engine.threads import worker_count
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 SLOW_PIXELS = 600_000
 OPENPIV_WINDOWS = (64, 32, 16, 16)

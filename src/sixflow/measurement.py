@@ -16,20 +16,20 @@ from typing import Any, Unpack
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from sixflow.consecutive import consecutive
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import join_attrs, said_of_pairs
-from sixflow.floor import Floor
 from sixflow.frames import open_frames
 from sixflow.frames.digests import FrameDigests
+from sixflow.frames.floor import Floor
+from sixflow.frames.times import FrameTimes, Pairs, Times
 from sixflow.masks import MaskLike, Masks
-from sixflow.recording import Recording, Schedule
+from sixflow.pair.session import Session
+from sixflow.recording.consecutive import consecutive
+from sixflow.recording.schedule import Recording, Schedule
+from sixflow.recording.sequence import Update, check_update, follow
 from sixflow.search.guess import without_guess
-from sixflow.sequence import Update, check_update, follow
-from sixflow.session import Session
 from sixflow.settings import Settings, SettingsOptions, require_names, require_settings
-from sixflow.times import FrameTimes, Pairs, Times
 
 
 def measure(
@@ -78,7 +78,7 @@ def measure(
     Least squares of the residual and the gradients of the mean frame under a Gaussian window, solved
     for all six numbers at every grid point and iterated on a dense blend of the field (Eagleson's
     generators, eq. (3), as the window's affine model; the normal equations are derived in
-    `sixflow.passes`).
+    `sixflow.refine.passes`).
 
     Examples
     --------

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from sixflow.cli.tally import Tally
     from sixflow.frames import FrameSource
     from sixflow.masks import MaskFile
-    from sixflow.recording import Schedule
-    from sixflow.sequence import Update
+    from sixflow.recording.schedule import Schedule
+    from sixflow.recording.sequence import Update
 
 Pairs: TypeAlias = Literal["consecutive", "double", "first", "incremental"]
 UpdateFlag: TypeAlias = Annotated[
@@ -92,8 +92,8 @@ def measure(
     """
     from sixflow.cli.figures import check_figure
     from sixflow.frames import open_frames
-    from sixflow.recording import Schedule
-    from sixflow.sequence import check_update
+    from sixflow.recording.schedule import Schedule
+    from sixflow.recording.sequence import check_update
     from sixflow.write import check_output
 
     output = check_output(output, overwrite)

@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 from sixflow.eigenfilters.projection import Projection
 from sixflow.engine.array import fold_strip, product_strip
 from sixflow.engine.threads import over_strips
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 _BLOCK_BYTES = 8 * 2**20
 _LARGEST_SHARE = 1.0  # of the mean frame in the residual: contrast tripled, or a third of it

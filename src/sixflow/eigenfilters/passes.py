@@ -3,7 +3,7 @@
 Least squares compares the frames pixel by pixel. Here a bank of the paper's operators stands at every position of a
 lattice, and the frames are compared by its responses alone: each position finds normal equations for the six numbers
 (`array`), and those under the window are pooled (`pool`). Search, blend, warp, total form and judgement are
-those of `sixflow.passes`; so are the settings, and the meaning of the window.
+those of `sixflow.refine.passes`; so are the settings, and the meaning of the window.
 
 The covariance of a point is that of the pooled responses, whose noise is correlated where operators overlap,
 
@@ -29,13 +29,13 @@ from sixflow.eigenfilters.projection import Projection
 from sixflow.engine.warp import DERIVATIVE
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
-from sixflow.grid import Grid
-from sixflow.normalise import Frame, both_valid
-from sixflow.passes import Passes
-from sixflow.quality import Seen, above_floor, feedback_scale
-from sixflow.restriction import inverse, maps_of, unknowns
+from sixflow.maps.grid import Grid
+from sixflow.maps.restriction import inverse, maps_of, unknowns
+from sixflow.prepare.frame import Frame, both_valid
+from sixflow.refine.passes import Passes
+from sixflow.refine.quality import Seen, above_floor, feedback_scale
+from sixflow.refine.workspace import Workspace
 from sixflow.settings import Settings
-from sixflow.workspace import Workspace
 
 _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2), (2, 1), (1, 2), (2, -1), (1, -2))
 """One of each pair ±δ of positions whose noise is counted as shared; further ones share too little to matter."""

@@ -33,7 +33,7 @@ from sixflow.eigenfilters.geometry import Real
 from sixflow.engine.array import pool_strip
 from sixflow.engine.threads import over_strips
 from sixflow.engine.window import CUT
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 _E = np.zeros((3, 6, 6))
 _E[0] = np.eye(6)

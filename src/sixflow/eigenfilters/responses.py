@@ -33,8 +33,8 @@ from sixflow.eigenfilters.kernel import Complex
 from sixflow.eigenfilters.patches import finite_frame, patch_blocks, reflected, require_patch
 from sixflow.engine.threads import worker_count
 from sixflow.errors import InputError
-from sixflow.grid import Grid
-from sixflow.normalise import NO_MASK, Frame
+from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import NO_MASK, Frame
 from sixflow.synth.check import whole
 
 
@@ -87,8 +87,8 @@ def respond_dense(bank: FilterBank, frame: ArrayLike, *, step: int = 1) -> Compl
     frame : array of real numbers, shape (height, width)
         Grey values, all finite; at least as large as the bank's patch.
     step : int
-        Distance of the points, px, at least 1. They are those of `sixflow.grid.Grid.over(frame.shape, step)`, centred
-        in the frame; 1 is every pixel.
+        Distance of the points, px, at least 1. They are those of `sixflow.maps.grid.Grid.over(frame.shape, step)`,
+        centred in the frame; 1 is every pixel.
 
     Returns
     -------
@@ -151,8 +151,8 @@ def response_pyramid(
 ) -> tuple[ResponseLevel, ...]:
     """Responses of a bank on a frame and on its halved copies.
 
-    The frame is halved as for the search for large motion (`sixflow.normalise.Frame.level`): smoothed by a Gaussian of
-    1.5 px, then every second row and column kept, the first included. Pixel (j, i) of a level lies on pixel
+    The frame is halved as for the search for large motion (`sixflow.prepare.frame.Frame.level`): smoothed by a
+    Gaussian of 1.5 px, then every second row and column kept, the first included. Pixel (j, i) of a level lies on pixel
     (2j, 2i) of the level before, without an offset of half a pixel: x = 2^level times the column of the level.
 
     Parameters

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from sixflow.errors import InputError
 from sixflow.field.dataset import SIX
 from sixflow.field.selection import valid, whole_flags
-from sixflow.values import shown
+from sixflow.settings.values import shown
 
 Array = NDArray[Any]
 

@@ -13,7 +13,7 @@ import xarray as xr
 from sixflow.errors import InputError
 from sixflow.field.interval import Elapsed, positive, require_seconds, with_frame_interval, with_settings
 from sixflow.field.selection import stored_settings
-from sixflow.values import shown
+from sixflow.settings.values import shown
 
 
 @dataclasses.dataclass(frozen=True)

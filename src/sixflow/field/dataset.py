@@ -32,8 +32,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from sixflow.convention import SIX as SIX
-from sixflow.field.flags import FAILING as FAILING
-from sixflow.field.flags import FLAGS as FLAGS
+from sixflow.convention.flags import FAILING as FAILING
+from sixflow.convention.flags import FLAGS as FLAGS
 
 _LONG_NAMES = {
     "u": ("displacement to the right (x)", "px"),

@@ -15,7 +15,7 @@ from sixflow.convention.reference import SHARE
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, FLAGS, SIX
 from sixflow.settings import WIDEST, Settings
-from sixflow.values import is_number, plain, shown
+from sixflow.settings.values import is_number, plain, shown
 
 
 def require_field(field: object, name: str = "field") -> xr.Dataset:

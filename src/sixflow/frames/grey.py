@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.errors import InputError
-from sixflow.floor import rounding_noise
+from sixflow.frames.floor import rounding_noise
 
 Array: TypeAlias = NDArray[Any]
 

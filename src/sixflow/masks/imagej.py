@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sixflow.errors import FrameFileError, InputError
 from sixflow.masks.outlines import inside_polygon
-from sixflow.region import FURTHEST
+from sixflow.settings.region import FURTHEST
 
 Drawn: TypeAlias = Callable[[tuple[int, int]], NDArray[np.bool_]]
 """From the shape of the frames to the pixels inside."""

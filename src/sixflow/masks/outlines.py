@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.errors import InputError
-from sixflow.region import Polygon, Span, as_rectangle
+from sixflow.settings.region import Polygon, Span, as_rectangle
 
 
 def inside_polygon(shape: tuple[int, int], *outlines: Any) -> NDArray[np.bool_]:

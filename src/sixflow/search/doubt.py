@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.judge.flags import MINIMUM_WEIGHT, fill_failed
 from sixflow.search.growth import Judged, Scene
-from sixflow.validate import MINIMUM_WEIGHT, fill_failed
 
 ROUNDS = 4
 MOST = 0.3  # share of the points in doubt beyond which the others are too few to predict

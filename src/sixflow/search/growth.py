@@ -24,13 +24,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.engine.fir import filter_separable
 from sixflow.engine.window import CUT, window_sigma
-from sixflow.field.flags import FAILING, FLAGS
-from sixflow.grid import Grid
-from sixflow.normalise import Frame
-from sixflow.quality import Quality
-from sixflow.validate import fill_failed
+from sixflow.judge.flags import fill_failed
+from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import Frame
+from sixflow.refine.quality import Quality
 
 ROUNDS = 12
 GAIN = 0.02  # share of the missed points that a round has to find for another one

@@ -17,14 +17,14 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from sixflow.affine_guess import KINDS, as_numbers
 from sixflow.convention import SIX
 from sixflow.convention.six import GRADIENT_FROM_SIX
 from sixflow.errors import InputError
-from sixflow.grid import Grid
+from sixflow.judge.flags import fill_failed
+from sixflow.maps.grid import Grid
 from sixflow.search.pyramid import finer
 from sixflow.settings import Settings
-from sixflow.validate import fill_failed
+from sixflow.settings.affine_guess import KINDS, as_numbers
 
 Guess: TypeAlias = ArrayLike | xr.Dataset | Callable[[Any, Any], Any]
 

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from sixflow.engine.blend import resample_strip, twist_of
 from sixflow.engine.threads import over_strips
-from sixflow.grid import Grid
-from sixflow.method import passes_of
-from sixflow.normalise import Frame
+from sixflow.judge.flags import settle, typical
+from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import Frame
+from sixflow.refine.method import passes_of
+from sixflow.refine.workspace import Workspace
 from sixflow.search.shift import common_shift
 from sixflow.settings import Settings
-from sixflow.validate import settle, typical
-from sixflow.workspace import Workspace
 
 LEVEL_PASSES = 4
 SETTLED = 0.1  # px of the level: the next level corrects what is left

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.normalise import Frame
+from sixflow.prepare.frame import Frame
 
 CORRELATION_SIDE = 256
 CLEAR_PEAK = 8.0

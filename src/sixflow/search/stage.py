@@ -26,14 +26,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.grid import Grid
-from sixflow.normalise import Frame
+from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import Frame
+from sixflow.refine.workspace import Workspace
 from sixflow.search.doubt import reconsidered
 from sixflow.search.growth import Judged, Scene, grown
 from sixflow.search.plane import Plane, find_plane
 from sixflow.search.pyramid import pyramid
 from sixflow.settings import Settings
-from sixflow.workspace import Workspace
 
 MISSED = 0.03  # share of the points
 LOST = 0.1

@@ -21,7 +21,7 @@ import xarray as xr
 from sixflow.errors import BadFrameError, FieldFileError, FrameFileError, InputError
 from sixflow.field.provenance import joined_attrs, said_of_pairs
 from sixflow.frames.digests import FrameDigests
-from sixflow.values import is_whole, shown
+from sixflow.settings.values import is_whole, shown
 from sixflow.write import zarrstore
 from sixflow.write.fieldfile import save
 from sixflow.write.guarded import damage_told, guarded

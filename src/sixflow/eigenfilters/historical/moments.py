@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from sixflow.convention import GENERATORS
 from sixflow.engine.window import CUT
-from sixflow.grid import Grid
+from sixflow.maps.grid import Grid
 
 Array = NDArray[Any]
 

@@ -1,0 +1,1 @@
+"""Pair: the measurement of one pair of frames, body by body."""

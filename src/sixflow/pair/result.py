@@ -1,0 +1,191 @@
+"""Pair: what goes into the measurement of one pair of frames, what comes out, and the field that it makes."""
+
+from __future__ import annotations
+
+import dataclasses
+from concurrent.futures import Future
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from sixflow.field.dataset import build_field
+from sixflow.field.interval import statement
+from sixflow.frames.times import PairTimes
+from sixflow.maps.grid import Grid
+from sixflow.masks import Bodies
+from sixflow.prepare.frame import Frame, both_valid
+from sixflow.recording.trajectory import Motion, one_frames_share
+from sixflow.settings import Settings
+from sixflow.version import __version__
+
+
+@dataclasses.dataclass(frozen=True)
+class PairResult:
+    """What was measured of one pair; arrays (rows, columns, …) as in `sixflow.field.dataset`, NaN at failed points
+    that were not replaced.
+    """
+
+    six: NDArray[Any]
+    covariance: NDArray[Any]
+    residual: NDArray[Any]
+    noise: NDArray[Any]
+    resolution: NDArray[Any]
+    flag: NDArray[np.uint16]
+    body: NDArray[np.int32] | None
+    window: float
+    numbers: tuple[int, int]
+    digest: str
+    notes: tuple[str, ...]
+    memory: int
+    rho: NDArray[Any]
+    moved_covariance: NDArray[Any] | None = None
+    measured_from: int | None = None
+
+    @property
+    def motion(self) -> Motion:
+        """The result as a step of a trajectory."""
+        moved = self.moved_covariance
+        if moved is None:
+            moved = self.covariance * one_frames_share(self.rho)[..., None, None]
+        return Motion(
+            self.six,
+            self.covariance,
+            moved.astype(self.six.dtype),
+            self.flag,
+            self.residual,
+            self.noise,
+            self.body,
+        )
+
+
+@dataclasses.dataclass
+class Prepared:
+    """A frame that has been checked and normalised, with what is remembered of the raw one.
+
+    `unlit` is the frame before its local light was divided out; `copied`, of a pair, is True at pixels that a codec
+    took over from one frame to the other (`sixflow.prepare.copies`).
+    """
+
+    frame: Frame
+    digesting: Future[bytes]
+    mean: float
+    spread: float
+    notes: tuple[str, ...]
+    bodies: Bodies | None = None
+    unlit: Frame | None = None
+    copied: NDArray[np.bool_] | None = None
+
+    def evidence(self, frame: Frame, part: tuple[slice, slice]) -> Frame:
+        """A part of this frame without the pixels that were copied."""
+        if self.copied is None:
+            return frame
+        return frame.within(both_valid((~self.copied[part]).astype(np.uint8), frame.valid))
+
+    @property
+    def raw(self) -> Frame:
+        """The frame with its local light."""
+        return self.frame if self.unlit is None else self.unlit
+
+    @property
+    def digest(self) -> bytes:
+        """SHA-256 of the raw frame."""
+        return self.digesting.result()
+
+    @property
+    def mask_content(self) -> bytes:
+        """The mask, for digests; empty without one."""
+        return b"" if self.bodies is None else self.bodies.content
+
+
+def same_content(reference: Prepared, moved: Prepared) -> bool:
+    """Whether two frames are the same to the last bit, or what their masks leave of them is."""
+    if reference.digest == moved.digest:
+        return True
+    masks = [
+        (one.bodies.labels != 0).astype(np.uint8) for one in (reference, moved) if one.bodies is not None
+    ]
+    if not masks:
+        return False
+    counted = both_valid(*masks, reference.raw.valid, moved.raw.valid).astype(bool)
+    return bool(counted.any() and np.array_equal(reference.raw.image[counted], moved.raw.image[counted]))
+
+
+def field_of_pair(
+    result: PairResult,
+    times: PairTimes,
+    names: NDArray[Any] | None,
+    grid: Grid,
+    shape: tuple[int, int],
+    settings: Settings,
+) -> xr.Dataset:
+    """Return the dataset of one pair.
+
+    Parameters
+    ----------
+    result : PairResult
+    times : PairTimes
+    names : array of str, shape (2,), or None
+        Of the files of the two frames.
+    grid : Grid
+    shape : (int, int)
+        Of the frames.
+    settings : Settings
+        As they were asked for.
+    """
+    resolutions = result.resolution[np.isfinite(result.resolution)]
+    attrs = {
+        "sixflow_version": __version__,
+        "settings": settings.to_json(),
+        "input_digest": result.digest,
+        "frame_shape": list(shape),
+        "interval": statement(times.interval, times.interval_unit),
+        "effective_window": result.window,
+        "attenuation_period_10": float(np.median(resolutions)) if resolutions.size else float("nan"),
+        "memory_bytes": result.memory,
+        "notes": "\n".join(result.notes),
+    }
+    field = build_field(
+        six=result.six[None],
+        covariance=result.covariance[None],
+        residual=result.residual[None],
+        noise=result.noise[None],
+        resolution=result.resolution[None],
+        flag=result.flag[None],
+        body=None if result.body is None else result.body[None],
+        x=grid.x,
+        y=grid.y,
+        time=np.array([times.time]),
+        time_unit=times.unit,
+        frame_numbers=[result.numbers],
+        attrs=attrs,
+        coordinates=_coordinates(result, times, names),
+    )
+    field["time"].attrs["long_name"] = times.meaning
+    if result.moved_covariance is None:
+        return field
+    part = field["covariance"].copy(data=result.moved_covariance[None])
+    part.attrs["long_name"] = "part of the covariance that is from the noise of the moved frame"
+    return field.assign(moved_covariance=part)
+
+
+def _coordinates(result: PairResult, times: PairTimes, names: NDArray[Any] | None) -> dict[str, Any]:
+    """Coordinates of a pair along time, besides those of every field."""
+
+    def one(value: Any, long_name: str, unit: str | None = None) -> Any:
+        return "time", np.array([value]), {"long_name": long_name} | ({"units": unit} if unit else {})
+
+    coordinates = {
+        "time0": one(times.time0, "time of the reference frame", times.unit),
+        "time1": one(times.time1, "time of the moved frame", times.unit),
+        "interval": one(times.interval, "time between the two frames", times.interval_unit),
+    }
+    if names is not None:
+        for k, frame in enumerate(("reference", "moved")):
+            said = {"long_name": f"file of the {frame} frame"}
+            coordinates[f"name{k}"] = ("time", names[k : k + 1], said)
+    if result.measured_from is not None:
+        text = "number of the frame that the moved frame was compared with"
+        coordinates["measured_from"] = one(np.int64(result.measured_from), text)
+    return coordinates

@@ -1,0 +1,197 @@
+"""Sharpen: finer resolution of the same window, without the bias of the pattern.
+
+A window's affine fit answers a displacement of wave number k with M = exp(−k²σ²/2). Sharpening raises
+this to T = Q M, polynomials in M that `engine.response` chooses. But the fit weighs the
+displacement with the texture that happens to lie in the window: its operator is M̃ = M + P, and P U,
+the pattern-induced bias, is different at every point and does not vanish with sharpening. In the
+gradients, it would even stay for ever: a gradient that contradicts the displacements around it leaves
+no trace in a dense field that the windows see.
+
+M itself, the same fit with a uniform texture, can be computed on the field. So each pass here takes the
+dense displacement U, fits what it leaves in the frames, Δ = M̃(U* − U), and forms
+
+    U ← T U + Q Δ = Q (M U + Δ).
+
+The fixed point is T U* + Q P (1 − T) U*: the response is T whatever the texture, and the pattern acts
+on what T misses alone. Noise is Q M̃ n, as in theory (`engine.window.sharpening_noise`), and the number
+of passes does not depend on n. Windows that are cut by a border or a mask are cut in M too.
+
+| symbol | name |
+|---|---|
+| M | `UniformWindow.fit` |
+| Q | `UniformWindow.deconvolve` |
+| U | maps, blended |
+| Δ | `Passes.solve(maps, total=False) − maps` |
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.blend import blend_strip, twist_of
+from sixflow.engine.moments import affine_moments_strip
+from sixflow.engine.response import quotient
+from sixflow.engine.threads import over_strips
+from sixflow.engine.window import moment_weights, plain_window
+from sixflow.judge.flags import settle, typical
+from sixflow.maps.grid import Grid
+from sixflow.refine.passes import Passes
+
+_STRIP = 16
+SHARPEN_PASSES = 8
+_HELD = 1 / 8  # of a whole stride
+_STANDS = 0.005  # px: passes that stop coming nearer than this have not diverged, whatever the tolerance
+SHARPENED = 0.3  # what a sharpening pass leaves of its update, at most (measured: 0.1 to 0.3)
+
+
+class UniformWindow:
+    """The window's affine fit of a displacement field, as it would be with a uniform texture.
+
+    The sums run over a lattice of spacing h, the largest divisor of the step that samples the Gaussian
+    finely (h ≤ σ/2).
+
+    Parameters
+    ----------
+    grid : Grid
+    sigma : float
+        Of the Gaussian weight, px.
+    counted : bool array, shape (height, width)
+        Pixels that have a partner.
+
+    Examples
+    --------
+    >>> grid = Grid.over((64, 64), 8)
+    >>> window = UniformWindow(grid, 6.0, np.ones((64, 64), bool))
+    >>> plane = grid.plane(np.array([1, 2, 0.1, 0.2, 0.3, 0.4]))
+    >>> bool(np.allclose(window.fit(plane), plane))
+    True
+    """
+
+    def __init__(self, grid: Grid, sigma: float, counted: NDArray[np.bool_]) -> None:
+        spacing = max(h for h in range(1, grid.step + 1) if grid.step % h == 0 and (h <= sigma / 2 or h == 1))
+        first_x, first_y = grid.x0 % spacing, grid.y0 % spacing
+        self.grid, self.sigma, self.spacing = grid, sigma, spacing
+        self.counted = np.ascontiguousarray(counted[first_y::spacing, first_x::spacing]).astype(np.float64)
+        self.place = (grid.x0 // spacing, grid.y0 // spacing, grid.step // spacing)
+        self.weights = moment_weights(sigma / spacing)
+
+    def fit(self, maps: NDArray[Any]) -> NDArray[np.float64]:
+        """M U: the affine fits of the blend of `maps`; shape (6, rows, columns).
+
+        A point with too little of its window left for a fit keeps its map.
+        """
+        grid, h = self.grid, self.spacing
+        lattice = maps.copy()
+        lattice[2:] *= h  # per lattice spacing
+        u, v = np.empty_like(self.counted), np.empty_like(self.counted)
+        twist = twist_of(lattice, self.place[2])
+        over_strips(lambda a, b: blend_strip(lattice, twist, *self.place, a, b, u, v), u.shape[0], 4 * _STRIP)
+        sums = np.empty((*grid.shape, 12))
+        over_strips(
+            lambda a, b: affine_moments_strip(self.counted, u, v, self.weights, self.place, a, b, sums),
+            grid.rows,
+            _STRIP,
+        )
+        m = np.moveaxis(sums, -1, 0)
+        fitted = maps.astype(np.float64)
+        # Cramer's rule for the symmetric matrix of (1, X, Y)
+        c00, c01, c02 = m[3] * m[5] - m[4] ** 2, m[2] * m[4] - m[1] * m[5], m[1] * m[4] - m[2] * m[3]
+        c11, c12, c22 = m[0] * m[5] - m[2] ** 2, m[1] * m[2] - m[0] * m[4], m[0] * m[3] - m[1] ** 2
+        determinant = m[0] * c00 + m[1] * c01 + m[2] * c02
+        known = determinant > 1e-6 * m[0] * m[3] * m[5]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            for component in range(2):
+                b0, b1, b2 = m[6 + 3 * component : 9 + 3 * component]
+                value = (c00 * b0 + c01 * b1 + c02 * b2) / determinant
+                slope_x = (c01 * b0 + c11 * b1 + c12 * b2) / determinant / self.sigma
+                slope_y = (c02 * b0 + c12 * b1 + c22 * b2) / determinant / self.sigma
+                for place, plane in (
+                    (component, value),
+                    (2 + 2 * component, slope_x),
+                    (3 + 2 * component, slope_y),
+                ):
+                    fitted[place] = np.where(known, plane, fitted[place])
+        return fitted
+
+    def deconvolve(self, maps: NDArray[Any], sharpen: int) -> NDArray[np.float64]:
+        """Q maps, by the Chebyshev polynomials' recurrence T*_{k+1} = 2 (2M − 1) T*_k − T*_{k−1}."""
+        first, *rest = quotient(sharpen)
+        before, here = maps, maps.astype(np.float64)
+        total = first * here
+        for k, coefficient in enumerate(rest):
+            after = 2 * self.fit(here) - here
+            before, here = here, after if k == 0 else 2 * after - before
+            total += coefficient * here
+        return total
+
+
+@dataclasses.dataclass(frozen=True)
+class Sharpened:
+    """What sharpening passes found.
+
+    Attributes
+    ----------
+    maps : float64 array, shape (6, rows, columns)
+        NaN where the last pass failed.
+    left : float64 array, shape (rows, columns)
+        How far each point may still be from its fixed point, px.
+    held : bool array, shape (rows, columns)
+        Points that were left as they were.
+    """
+
+    maps: NDArray[Any]
+    left: NDArray[Any]
+    held: NDArray[np.bool_]
+
+
+def sharpen(passes: Passes, maps: NDArray[Any], left: NDArray[Any], *, sharpened: bool = False) -> Sharpened:
+    """Sharpening passes until the points stay, with shorter strides for those that do not come nearer.
+
+    Where the texture fills a part of the window alone, P is as large as M, and Q P may make passes diverge. A point
+    whose stride is down to an eighth, or that has not settled at the end, is held: it keeps the plain fit.
+
+    Parameters
+    ----------
+    passes : Passes
+        After a pass; points that this found without texture take no part, and are filled from their neighbours.
+    maps : float64 array, shape (6, rows, columns)
+        What that pass found, or a field.
+    left : float64 array, shape (rows, columns)
+        How far those may be from their fixed points, px.
+    sharpened : bool
+        `maps` is a field, which another window measured with sharpening. Then nothing is known to hold points at,
+        and those that do not settle stay with what they have left.
+    """
+    settings, step = passes.settings, passes.grid.step
+    window = UniformWindow(passes.grid, settings.sigma, passes.counted())
+    reach = plain_window(settings.window, settings.sharpen)
+    measurable = passes.measurable()
+    maps = plain = settle(np.where(measurable, maps, np.nan), step, settings.window)
+    if not sharpened:
+        maps = window.deconvolve(maps, settings.sharpen)
+    far = max(settings.tolerance, _STANDS)
+    known, held = left, np.zeros(passes.grid.shape, np.bool_)
+    stride, before = np.ones(passes.grid.shape), np.full(passes.grid.shape, np.inf)
+    for _ in range(SHARPEN_PASSES):
+        increment = passes.solve(maps, total=False) - maps
+        failed = np.isnan(increment).any(axis=0) | ~measurable
+        aim = window.deconvolve(window.fit(maps) + np.where(failed, 0, increment), settings.sharpen)
+        distance = np.where(failed, np.nan, np.hypot(aim[0] - maps[0], aim[1] - maps[1]))
+        with np.errstate(invalid="ignore"):
+            stride[(distance > 0.7 * before) & (distance > far)] /= 2
+        if not sharpened:
+            held |= stride <= _HELD
+        moved = settle(np.where(measurable, maps + stride * (aim - maps), np.nan), step, reach)
+        maps = np.where(held, plain, moved)
+        left, before = distance * np.where(stride == 1, SHARPENED, 1.0), distance
+        if typical(np.where(held, np.nan, left)) < settings.tolerance:
+            break
+    if not sharpened:
+        with np.errstate(invalid="ignore"):
+            held |= left > 2 * far
+    left = np.where(held & ~np.isnan(left), known, left)
+    return Sharpened(np.where(np.isnan(left), np.nan, np.where(held, plain, maps)), left, held)

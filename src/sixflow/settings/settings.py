@@ -1,0 +1,405 @@
+"""Settings of a measurement: one frozen dataclass = keyword arguments = command line = TOML file =
+attributes of the result.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import json
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict, get_args
+
+from sixflow.errors import InputError
+from sixflow.settings.affine_guess import Numbers, as_numbers
+from sixflow.settings.region import as_polygons, as_rectangle
+from sixflow.settings.values import (
+    A_SCALE,
+    is_choice,
+    is_number,
+    is_scale,
+    is_whole,
+    plain,
+    require,
+    require_choice,
+    shown,
+)
+
+if TYPE_CHECKING:
+    from sixflow.search.guess import Guess
+else:
+    Guess = Any
+
+Interpolation = Literal["cubic", "quintic"]
+Lighting = Literal["auto", "none", "gain+offset", "local"]
+Group = Literal["affine", "similarity", "euclidean", "translation"]
+Search = Literal["auto", "pyramid", "spectrum", "guess"]
+Method = Literal["least_squares", "eigenfilter"]
+Reference = Literal["first", "middle", "second"]
+Polygons: TypeAlias = Any
+"""Corners [[x, y], …] of one polygon or several, or text, as given; kept as tuples (`sixflow.settings.region`)."""
+_SEARCHES = get_args(Search)
+Window: TypeAlias = Any
+"""A number, or "auto" as it is asked for; what measures has a number (`sixflow.refine.resolution.ladder`)."""
+
+WIDEST = 2**20
+"""Longest window and step, px: longer than the side of any frame."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How a field is measured. Every choice that changes a number of the result is here, and nothing else.
+
+    Parameters
+    ----------
+    window : float or "auto"
+        Side of the square subset of the same noise, px, from 5 to the frames' smaller side. The weight is a Gaussian of
+        σ = window/√(4π) = window/3.545. Larger: less noise, less resolution. "auto" measures with windows from
+        8 to 62 px, sharpened, and takes at each point the one of least expected error; `resolution` in the
+        field says how fine it is.
+    step : int
+        Distance between grid points, px, at least 1. It sets the density of points, not the resolution.
+    method : {"least_squares", "eigenfilter"}
+        What compares the frames: every pixel, or the responses of an array of operators for all six
+        generators (`sixflow.eigenfilters`), which do not see changes of brightness and contrast.
+    reference : {"first", "middle", "second"}
+        Frame in which the grid points lie: the motion is that of what is at the point in frame 0; in the middle
+        between the frames, to which both are brought by half (central, second order in time, for flows); or in
+        frame 1. u and v always point from frame 0 to frame 1.
+    group : {"affine", "similarity", "euclidean", "translation"}
+        Motions that a window may make: all six numbers; shift, rotation and zoom; shift and rotation;
+        shift alone. Fewer have less noise, and are wrong where the motion is not of the group. Numbers
+        that the group does not have are 0 by assumption, with a covariance of 0.
+    sharpen : int
+        0 to 16: finer resolution of the same window, for more noise; 1 halves the period that is resolved for
+        no more noise in the displacement. With `window="auto"`, 0 means 2.
+    interpolation : {"cubic", "quintic"}
+        B-spline that interpolates the moved frame; quintic has the least bias and costs more.
+    lowpass : float
+        Standard deviation of a Gaussian over both frames before they are compared, px, 0 or from 0.4 to 4: against bias
+        where the texture is as fine as the pixels (sharp speckles, particles of less than 3 px, frames deformed by
+        software). 0.7 costs 10 % of noise there, and next to none for coarser texture. It needs
+        `method="least_squares"`.
+    lighting : {"auto", "none", "gain+offset", "local"}
+        What may change in the light between the frames: nothing; gain and offset of each window (the
+        zero-normalised criterion); or the local mean and contrast, divided out of each frame beforehand.
+        "auto" takes gain and offset where the frames differ in contrast or brightness, else nothing.
+    robust : bool
+        Give little weight to pixels whose residual is far beyond what noise explains: unmatched particles,
+        glints, dead pixels. It changes nothing where there are none. Of `method="eigenfilter"`, it
+        replaces dead pixels alone.
+    forward_backward : bool
+        Measure from frame 1 to frame 0 too, and flag points that do not return: twice the time.
+    replace_failed : bool
+        Give failed points what their neighbours predict, with a covariance that holds their scatter. Such points are
+        flagged `replaced`, and are never counted as measured.
+    search : {"auto", "pyramid", "spectrum"} or a first guess
+        How large motion is found. "pyramid": from coarse to fine. "spectrum": from the affine map that the whole
+        frames have in common, of any turn, zoom, shear and shift. "auto": from coarse to fine, and for points that
+        are missed so, growth from their neighbours and the map of "spectrum". A first guess takes the place of the
+        word: six numbers (u, v, divergence, curl, stretch, shear) about pixel (0, 0), or a 2 × 3 or 3 × 3 matrix of
+        (x, y, 1). A measurement also takes a field, or a function (x, y) → (u, v), which stands here as "guess".
+    levels : int or None
+        Number of halvings of the frame that the search for large motion starts from, 0 to 12. None
+        chooses it from frame and window.
+    passes : int
+        Upper limit of passes at full resolution, at least 1.
+    tolerance : float
+        A point has converged when it is closer than this to where more passes would bring it, px,
+        greater than 0.
+    roi : str or None
+        Rectangle to measure in, "x0:x1,y0:y1", px of the reference frame: columns x0 to x1 − 1 and rows y0 to y1 − 1,
+        as slices are. An open end, as in "100:,:300", reaches to the edge.
+    polygons : polygons or text
+        Measure inside these alone, px of the reference frame: corners [[x, y], …] of one, or several of these; as text
+        "10,10 90,10 50,80; …". A pixel is inside if its centre is. Parts that a gap separates are measured apart.
+    holes : polygons or text
+        Leave out what is inside these; written as `polygons`. A mask, `roi`, `polygons` and `holes` hold together.
+    float64 : bool
+        Compute in double precision: twice the memory, for noise-free studies.
+    pixel_size : float or None
+        Length of one pixel in the object, in `length_unit`. It changes no measured number; it lets the
+        field speak physical units.
+    length_unit : str
+        Unit of `pixel_size`.
+    frame_interval : float or None
+        Time between successive frames of the recording, s; with `pairs="double"`, between the two frames of a pair. A
+        pair of frames k apart takes k times that. None takes the times of the frames from the recording, where it has
+        them.
+
+    Raises
+    ------
+    InputError
+        If a value is outside its range; the message names the setting, the value and the range.
+
+    Examples
+    --------
+    >>> Settings(window=41).replace(step=4)
+    Settings(window=41, step=4)
+    >>> Settings(step=0)
+    Traceback (most recent call last):
+    sixflow.errors.InputError: step=0: must be a whole number of pixels from 1 to 1048576; 8 suits a window of 31
+    """
+
+    window: Window = 31
+    step: int = 8
+    method: Method = "least_squares"
+    reference: Reference = "first"
+    group: Group = "affine"
+    sharpen: int = 0
+    interpolation: Interpolation = "quintic"
+    lowpass: float = 0.0
+    lighting: Lighting = "auto"
+    robust: bool = True
+    forward_backward: bool = False
+    replace_failed: bool = False
+    search: Search | Numbers = "auto"
+    levels: int | None = None
+    passes: int = 8
+    tolerance: float = 0.005
+    roi: str | None = None
+    polygons: Polygons = ()
+    holes: Polygons = ()
+    float64: bool = False
+    pixel_size: float | None = None
+    length_unit: str = "mm"
+    frame_interval: float | None = None
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            object.__setattr__(self, field.name, plain(getattr(self, field.name)))
+        if isinstance(self.window, float) and self.window.is_integer():
+            object.__setattr__(self, "window", int(self.window))  # 31.0 and 31 are the same setting
+        require(
+            is_choice(self.window, ("auto",)) or (is_number(self.window) and 5 <= self.window <= WIDEST),
+            "window",
+            self.window,
+            f"must be from 5 to {WIDEST} px, or 'auto'; 31 is a good start",
+        )
+        require(
+            is_whole(self.step, 1, WIDEST),
+            "step",
+            self.step,
+            f"must be a whole number of pixels from 1 to {WIDEST}; 8 suits a window of 31",
+        )
+        require(is_whole(self.sharpen, 0, 16), "sharpen", self.sharpen, "must be a whole number from 0 to 16")
+        require_choice("method", self.method, get_args(Method))
+        require_choice("reference", self.reference, get_args(Reference))
+        require_choice("group", self.group, get_args(Group))
+        require(
+            self.group == "affine" or self.sharpen == 0,
+            "sharpen",
+            self.sharpen,
+            f"must be 0 with group={self.group!r}: sharpening needs all six numbers; take group='affine'",
+        )
+        require(
+            self.window != "auto" or (self.method == "least_squares" and self.group == "affine"),
+            "window",
+            self.window,
+            "needs method='least_squares' and group='affine'; otherwise give a number of pixels, such as 31",
+        )
+        require_choice("interpolation", self.interpolation, get_args(Interpolation))
+        require(
+            is_number(self.lowpass) and (self.lowpass == 0 or 0.4 <= self.lowpass <= 4),
+            "lowpass",
+            self.lowpass,
+            "must be 0 or from 0.4 to 4 px; 0.7 suits sharp textures",
+        )
+        require(
+            self.lowpass == 0 or self.method == "least_squares",
+            "lowpass",
+            self.lowpass,
+            f"must be 0 with method={self.method!r}, whose operators have a band of their own; "
+            "take method='least_squares'",
+        )
+        if isinstance(self.search, str) and "," not in self.search:
+            require_choice("search", self.search, _SEARCHES)
+        else:
+            object.__setattr__(self, "search", as_numbers(self.search))
+        require_choice("lighting", self.lighting, get_args(Lighting))
+        require(
+            self.levels is None or is_whole(self.levels, 0, 12),
+            "levels",
+            self.levels,
+            "must be from 0 to 12, or None to choose it from the frame",
+        )
+        require(
+            is_whole(self.passes, 1, 1000), "passes", self.passes, "must be a whole number from 1 to 1000"
+        )
+        require(
+            is_number(self.tolerance) and 0 < self.tolerance <= WIDEST,
+            "tolerance",
+            self.tolerance,
+            f"must be a positive number of pixels, at most {WIDEST}, such as 0.005",
+        )
+        if self.roi is not None:
+            as_rectangle(self.roi)
+        for name in ("polygons", "holes"):
+            object.__setattr__(self, name, as_polygons(getattr(self, name), name))
+        for name in ("float64", "robust", "forward_backward", "replace_failed"):
+            value = getattr(self, name)
+            require(isinstance(value, bool), name, value, "must be True or False")
+        for name in ("pixel_size", "frame_interval"):
+            value = getattr(self, name)
+            require(
+                value is None or is_scale(value),
+                name,
+                value,
+                f"must be {A_SCALE}, or None if unknown",
+            )
+        require(
+            isinstance(self.length_unit, str) and self.length_unit.strip() != "",
+            "length_unit",
+            self.length_unit,
+            "must name a unit, such as 'mm'",
+        )
+
+    def __repr__(self) -> str:
+        """Show only what differs from the defaults."""
+        changed = {
+            f.name: value for f in dataclasses.fields(self) if (value := getattr(self, f.name)) != f.default
+        }
+        return f"Settings({', '.join(f'{name}={value!r}' for name, value in changed.items())})"
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the Gaussian weight, px: window/√(4π)."""
+        return float(self.window) / math.sqrt(4 * math.pi)
+
+    def replace(self, /, **changes: Any) -> Settings:
+        """Return the settings with some values changed.
+
+        Raises
+        ------
+        InputError
+            If a name is no setting, or a value is out of range.
+        """
+        require_names(changes)
+        return dataclasses.replace(self, **changes)
+
+    def to_json(self) -> str:
+        """Return the settings as a JSON object, as they stand in a field's attributes."""
+        return json.dumps(dataclasses.asdict(self))
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> Settings:
+        """Settings from a mapping such as a parsed JSON or TOML table; names not given keep their
+        defaults.
+        """
+        if not isinstance(values, Mapping):
+            raise InputError(
+                f"settings={shown(values)}: must be a mapping of names to values, such as a dict"
+            )
+        require_names(values)
+        return cls(**values)
+
+    @classmethod
+    def from_json(cls, text: str) -> Settings:
+        """Settings from the JSON object of `to_json`: those of a field from ``field.attrs["settings"]``.
+
+        Raises
+        ------
+        InputError
+            If it is no JSON object, or holds an unknown name or a bad value.
+        """
+        try:
+            values = json.loads(text)
+        except (TypeError, ValueError, RecursionError) as error:
+            raise InputError(
+                f"settings are no JSON ({error}); give what Settings.to_json returned"
+            ) from error
+        if not isinstance(values, dict):
+            raise InputError(f"settings={text!r}: must be a JSON object of names and values")
+        return cls.from_mapping(values)
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> Settings:
+        """Settings from a TOML file, whose keys are the names of this class.
+
+        Raises
+        ------
+        InputError
+            If the file is missing or not TOML, or holds an unknown name or a bad value.
+        """
+        try:
+            values = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"settings file {str(path)!r} is not valid TOML: {error}") from error
+        except (OSError, TypeError, ValueError) as error:  # no text, or no path
+            raise InputError(
+                f"settings file {str(path)!r} cannot be read: {error}; give the path of a TOML file"
+            ) from error
+        except RecursionError as error:
+            raise InputError(f"settings file {str(path)!r} is nested too deeply for settings") from error
+        return cls.from_mapping(values)
+
+
+class SettingsOptions(TypedDict, total=False):
+    """The fields of `Settings` as keyword arguments, for editors and type checkers; `search` may be a first guess."""
+
+    window: float | Literal["auto"]
+    step: int
+    method: Method
+    reference: Reference
+    group: Group
+    sharpen: int
+    interpolation: Interpolation
+    lowpass: float
+    lighting: Lighting
+    robust: bool
+    forward_backward: bool
+    replace_failed: bool
+    search: Search | Guess
+    levels: int | None
+    passes: int
+    tolerance: float
+    roi: str | None
+    polygons: Polygons
+    holes: Polygons
+    float64: bool
+    pixel_size: float | None
+    length_unit: str
+    frame_interval: float | None
+
+
+def require_names(given: Mapping[Any, Any]) -> None:
+    """Refuse a mapping with a key that is no setting.
+
+    Raises
+    ------
+    InputError
+        It names the key and the settings that there are, and the one that was probably meant.
+
+    Examples
+    --------
+    >>> require_names({"windwo": 31})
+    Traceback (most recent call last):
+    sixflow.errors.InputError: windwo: no such setting; there are window, step, ...; did you mean window?
+    """
+    names = [field.name for field in dataclasses.fields(Settings)]
+    unknown = [name for name in given if name not in names]
+    if unknown:
+        alike = [match for name in unknown for match in difflib.get_close_matches(str(name), names, 1)]
+        meant = f"; did you mean {', '.join(alike)}?" if alike else ""
+        asked = ", ".join(shown(name).strip("'") for name in unknown)
+        raise InputError(f"{asked}: no such setting; there are {', '.join(names)}{meant}")
+
+
+def require_settings(settings: object) -> Settings:
+    """Return settings that are given as such; the defaults for None.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+    """
+    if settings is None:
+        return Settings()
+    if not isinstance(settings, Settings):
+        raise InputError(
+            f"settings={shown(settings)}: must be a sixflow.Settings; of a mapping it is made by Settings.from_mapping"
+        )
+    return settings
