@@ -26,7 +26,7 @@ from sixflow.field.selection import (
     stored_settings,
     valid,
 )
-from sixflow.refine.resolution import SHARPEN
+from sixflow.plan import SHARPEN
 from sixflow.scenes._checks import numbers
 
 Array = NDArray[Any]

@@ -1,25 +1,32 @@
-"""Pieces: what is known and found of the bodies of a pair, measured one by one, and the field they make."""
+"""Bodies: every body of a pair measured by itself, in a part of the frames that leaves room for its motion."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any, TypeAlias
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sixflow.convention import GRADIENT_FROM_SIX
-from sixflow.convention.flags import FAILING, FLAGS
-from sixflow.judge.flags import fill_failed
+from sixflow.convention.flags import FLAGS
 from sixflow.maps.grid import Grid
-from sixflow.maps.placing import leaves
-from sixflow.settings import Settings
+from sixflow.maps.placing import masked_points, placed
+from sixflow.pair.body import Body
+from sixflow.pair.start import Start
+from sixflow.plan import Plan
+from sixflow.prepare.frame import both_valid
+from sixflow.refine.solution import Part, Solution, assembled
+from sixflow.search.pyramid import pyramid
 
-Part: TypeAlias = tuple[slice, slice]
-"""Rows and columns."""
+if TYPE_CHECKING:
+    from sixflow.pair.result import Prepared
+    from sixflow.pair.session import Session
 
-LOST_FROM_START = 0.05  # share of the points of a start that may fail, before the motion is searched anew
+FAILED = 0.5
+"""Share of a body's points that have to fail near where it was, before it is sought in the whole frame."""
+MANY_BODIES = 4
+"""From which one search for all, to begin with, is cheaper than one for each."""
 
 
 def with_margin(box: Part, shape: tuple[int, int], margin: int) -> Part:
@@ -31,112 +38,119 @@ def with_margin(box: Part, shape: tuple[int, int], margin: int) -> Part:
     return rows, columns
 
 
-def share_failed(flag: NDArray[np.uint16]) -> float:
-    """Share of the points that are not masked and failed."""
-    asked = (flag & FLAGS["masked"]) == 0
-    return float(((flag & FAILING) != 0)[asked].mean()) if asked.any() else 0.0
-
-
 def room_to_move(box: Part, window: float) -> int:
     """Pixels around a body that it is looked for in first: two windows, or half its longer side."""
     return math.ceil(max(2 * window, max(part.stop - part.start for part in box) / 2))
 
 
 @dataclasses.dataclass(frozen=True)
-class Start:
-    """What is known of a motion before it is measured.
+class Bodies:
+    """The bodies of a prepared pair of frames, and how they are measured.
 
     Attributes
     ----------
-    maps : float64 array, shape (6, rows, columns)
-        u, v, u_x, u_y, v_x, v_y in the frame that the measurement refers to; NaN where nothing is known.
-    body : int array, shape (rows, columns), or None
-        Number of the body of each point, where there are several.
-    known : bool array, shape (rows, columns), or None
-        Points that the maps were measured at; the others are filled.
+    session : Session
+    reference, moved : Prepared
+    plan : Plan
+        With the lighting that was found for this pair.
     """
 
-    maps: NDArray[np.float64]
-    body: NDArray[Any] | None = None
-    known: NDArray[np.bool_] | None = None
+    session: Session
+    reference: Prepared
+    moved: Prepared
+    plan: Plan
 
-    @classmethod
-    def from_six(cls, six: NDArray[Any], flag: NDArray[Any], body: NDArray[Any] | None) -> Start:
-        """Take an earlier result of the same grid as a start."""
-        maps = np.moveaxis(six.astype(np.float64) @ GRADIENT_FROM_SIX.T, -1, 0)
-        maps[:, (flag & FAILING) != 0] = np.nan
-        return cls(
-            np.ascontiguousarray(maps), np.where(flag & FLAGS["masked"], 0, 1) if body is None else body
-        )
+    def measure(self, start: Start | None) -> Solution:
+        """Measure every body; where there is one only, all that the mask leaves.
 
-    def of(self, number: int | None, places: tuple[slice, slice], grid: Grid) -> Start | None:
-        """The start of one body at some of the points, filled from its own points; None where it has none."""
-        maps = self.maps[(slice(None), *places)]
-        if self.body is not None:
-            body = self.body[places]
-            own = body > 0 if number is None else body == number
-            maps = np.where(own, maps, np.nan)
-        known: NDArray[np.bool_] = np.asarray(np.isfinite(maps).all(axis=0))
-        return Start(fill_failed(maps, grid.step), None, known) if known.any() else None
-
-    def succeeded(
-        self, flag: NDArray[np.uint16], grid: Grid, shape: tuple[int, int], settings: Settings
-    ) -> bool:
-        """Whether the points that were known, and whose windows stay in the frame, were measured again."""
-        asked = (flag & FLAGS["masked"]) == 0
-        asked &= ~leaves(self.maps, grid, shape, settings.reference, settings.window / 2)
-        if self.known is not None:
-            asked &= self.known
-        return bool(((flag & FAILING) != 0)[asked].mean() <= LOST_FROM_START) if asked.any() else False
-
-    def backwards(self) -> Start:
-        """The same from frame 1 to frame 0, at points of frame 1."""
-        return dataclasses.replace(self, maps=-self.maps)
-
-
-_OF_POINTS = ("residual", "noise", "rho", "window", "period")
-
-
-@dataclasses.dataclass
-class Found:
-    """What was found of one body, or of all together; arrays of shape (rows, columns, …)."""
-
-    maps: NDArray[Any]
-    covariance: NDArray[Any]
-    residual: NDArray[Any]
-    noise: NDArray[Any]
-    rho: NDArray[Any]
-    window: NDArray[Any]
-    period: NDArray[Any]
-    flag: NDArray[np.uint16]
-    body: NDArray[np.int32] | None
-    lighting: str = "none"
-
-    @classmethod
-    def nothing(cls, shape: tuple[int, int]) -> Found:
-        """Start with all points masked."""
-        unknown: dict[str, Any] = {name: np.full(shape, np.nan) for name in _OF_POINTS}
-        return cls(
-            maps=np.full((6, *shape), np.nan),
-            covariance=np.full((*shape, 6, 6), np.nan),
-            flag=np.full(shape, FLAGS["masked"], np.uint16),
-            body=np.zeros(shape, np.int32),
-            **unknown,
-        )
-
-    def take(self, one: Found, number: int, places: tuple[slice, slice]) -> None:
-        """Put the points of a body in their places. Where two bodies claim a point, which only happens off frame 0,
-        one that was measured goes before one that failed, and the better match before the other.
+        Parameters
+        ----------
+        start : Start, optional
+            What is known of the motion.
         """
-        assert self.body is not None
-        flag, residual = self.flag[places], self.residual[places]
-        failed, was_failed = (one.flag & FAILING) != 0, (flag & FAILING) != 0
-        with np.errstate(invalid="ignore"):
-            better = np.where(failed == was_failed, one.residual < residual, was_failed)
-        new = ((one.flag & FLAGS["masked"]) == 0) & (better | ((flag & FLAGS["masked"]) != 0))
-        self.maps[(slice(None), *places)][:, new] = one.maps[:, new]
-        for name in ("covariance", *_OF_POINTS, "flag"):
-            getattr(self, name)[places][new] = getattr(one, name)[new]
-        self.body[places][new] = number
-        if new.any() and one.lighting != "none":
-            self.lighting = one.lighting
+        bodies = self.reference.bodies
+        if bodies is None or len(bodies.boxes) < 2:
+            return self._in_part(None, self._everywhere, self._everywhere, start)
+        if start is None and len(bodies.boxes) >= MANY_BODIES:
+            start = self._in_common()
+        return assembled(self.plan.grid.shape, [*self._each(start)])
+
+    @property
+    def _everywhere(self) -> Part:
+        """All rows and columns of the frames."""
+        height, width = self.plan.shape
+        return slice(0, height), slice(0, width)
+
+    @property
+    def _at_frame_0(self) -> bool:
+        """Whether grid points lie where the bodies are in frame 0."""
+        return self.plan.reference == "first"
+
+    def _each(self, start: Start | None) -> Iterator[tuple[int, Part, Solution]]:
+        """Number, places in the grid and solution of every body that has grid points."""
+        bodies, shape, grid = self.reference.bodies, self.plan.shape, self.plan.grid
+        assert bodies is not None
+        for number, box in bodies.boxes.items():
+            near = with_margin(box, shape, room_to_move(box, self.plan.window.size))
+            # off frame 0, its points may be anywhere near
+            points = with_margin(box, shape, grid.step) if self._at_frame_0 else near
+            if grid.within(*points, origin=near) is None or not self._has_points(number):
+                continue
+            found = self._in_part(number, near, points, start)
+            if near != self._everywhere and found.share_failed > FAILED:
+                far = points if self._at_frame_0 else self._everywhere
+                again = self._in_part(number, self._everywhere, far, start)
+                if again.share_failed < found.share_failed:
+                    found, points = again, far
+            yield number, self._grid_in(points, points)[1], found
+
+    def _has_points(self, number: int) -> bool:
+        """Whether any grid point may lie on a body."""
+        bodies, grid = self.reference.bodies, self.plan.grid
+        assert bodies is not None
+        return not self._at_frame_0 or bool((bodies.labels[np.ix_(grid.y, grid.x)] == number).any())
+
+    def _grid_in(self, points: Part, part: Part) -> tuple[Grid, Part]:
+        within = self.plan.grid.within(*points, origin=part)
+        assert within is not None
+        return within
+
+    def _in_common(self) -> Start | None:
+        """Search the motion of all bodies as one: a start for each; a body that it misses is searched by itself."""
+        searched = self.session.guess is None and self.plan.search in ("auto", "pyramid")
+        if not searched or not self._at_frame_0:
+            return None
+        assert self.reference.bodies is not None
+        everything = self.reference.bodies.of_number(None, self._everywhere)
+        frame = self.reference.frame.within(both_valid(everything, self.reference.frame.valid))
+        frame = self.reference.evidence(frame, self._everywhere)
+        if not frame.valid.any():
+            return None
+        other = self.moved.evidence(self.moved.frame, self._everywhere)
+        return Start(pyramid(frame, other, self.plan.grid, self.plan.of_search))
+
+    def _in_part(self, number: int | None, part: Part, points: Part, start: Start | None) -> Solution:
+        """Measure one body (None: all that the mask leaves) in a part of the frames, at the grid points of another."""
+        plan, session = self.plan.replace(shape=_shape_of(part)), self.session
+        grid, places = self._grid_in(points, part)
+        still, asked, moved = session._frames_of(self.reference, self.moved, number, part)
+        known = None if start is None else start.of(number, places, grid)
+        guess = None if session.guess_maps is None else session.guess_maps[(slice(None), *places)]
+        light = session._light(self.reference, self.moved, number, part, grid)
+        doubtful = session.asked.lighting == "auto" and plan.lighting == "gain+offset"
+        if plan.reference == "second":
+            # frame 1 is the one that stays: frame 0 is found from it, backwards
+            known = None if known is None else known.backwards()
+            backwards = plan.replace(reference="first")
+            guess = None if guess is None else -placed(guess, grid, 1.0)
+            found = Body(moved, still, moved, grid, backwards, light, doubtful).measure(known, guess)
+            found = found.replace(maps=-found.maps)
+        else:
+            found = Body(still, moved, asked, grid, plan, light, doubtful).measure(known, guess)
+        masked = masked_points(found.maps, grid, asked.valid, plan.reference)
+        return found.replace(flag=np.where(masked, FLAGS["masked"], found.flag).astype(np.uint16))
+
+
+def _shape_of(part: Part) -> tuple[int, int]:
+    rows, columns = part
+    return rows.stop - rows.start, columns.stop - columns.start

@@ -15,23 +15,23 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.convention import SIX_FROM_GRADIENT
-from sixflow.convention.flags import FAILING, FLAGS
+from sixflow.convention.flags import FLAGS
 from sixflow.engine.lowpass import lowpass_noise
 from sixflow.engine.threads import beside
-from sixflow.errors import BadFrameError, InputError
+from sixflow.errors import BadFrameError
 from sixflow.frames.floor import Floor, rounding_noise
 from sixflow.frames.times import PairTimes
-from sixflow.judge.replace import predictions
+from sixflow.judge.replace import replace_failed
 from sixflow.maps.grid import Grid
-from sixflow.maps.placing import masked_points, placed
 from sixflow.maps.restriction import ABSENT
 from sixflow.masks import AnyBodies, Bodies, Masks
 from sixflow.masks.outlines import region_of
 from sixflow.masks.said import said_of_mask
-from sixflow.pair.bodies import Found, Part, Start, room_to_move, share_failed, with_margin
-from sixflow.pair.body import Between
+from sixflow.pair.bodies import Bodies as BodiesOfPair
 from sixflow.pair.result import PairResult, Prepared, field_of_pair, same_content
+from sixflow.pair.start import Start
 from sixflow.pair.unmeasured import repeated
+from sixflow.plan import Plan
 from sixflow.prepare.copies import copied_pixels
 from sixflow.prepare.defects import without_defects
 from sixflow.prepare.frame import (
@@ -48,10 +48,8 @@ from sixflow.prepare.interlacing import InterlacingCheck
 from sixflow.prepare.lighting import Change
 from sixflow.prepare.nodata import without_blanks
 from sixflow.prepare.region_light import RegionLight
-from sixflow.refine.resolution import search_settings
-from sixflow.refine.workspace import Workspace
+from sixflow.refine.solution import Part, Solution
 from sixflow.search.guess import Guess, is_stored_in_settings, maps_of_guess
-from sixflow.search.pyramid import pyramid
 from sixflow.settings import Settings
 
 FAILED = 0.5  # share of a body's points that have to fail near where it was, before it is sought in the whole frame
@@ -84,11 +82,10 @@ class Session:
         strict: bool = False,
         floor: Floor = Floor(),  # noqa: B008 - it is frozen
     ) -> None:
-        self.asked = self.settings = settings
+        self.asked = settings
         self.masks, self.guess, self.strict, self.floor = masks or Masks(None), guess, strict, floor
         self.masks_move = self.masks.moving
         self.dtype = np.float64 if settings.float64 else np.float32
-        self.workspace = Workspace()
         self.shape: tuple[int, int] | None = None
         self.guess_maps: NDArray[np.float64] | None = None
         self.region: NDArray[np.bool_] | None = None
@@ -145,8 +142,8 @@ class Session:
         mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
         floor, rounded = self.floor.under(array)
         frame, unlit = Frame(image, valid, floor=floor * self.scale, rounded=rounded), None
-        if self.settings.lighting == "local":
-            frame, unlit = flattened(frame, self.settings.sigma), frame
+        if self.asked.lighting == "local":
+            frame, unlit = flattened(frame, self.plan.window.sigma), frame
         if not lasting:
             digest.result()
         return Prepared(frame, digest, mean, spread, notes, within, unlit)
@@ -166,14 +163,8 @@ class Session:
     def _begin(self, first: NDArray[Any], name: str) -> None:
         """Take shape, grid and the grey constant from the first frame."""
         height, width = first.shape
-        self.settings = search_settings(self.asked, first.shape)
-        if min(height, width) < self.settings.window:
-            raise InputError(
-                f"{name} has shape {first.shape}: smaller than window={self.settings.window:g}; "
-                "take a smaller window or larger frames"
-            )
-        self.shape = (height, width)
-        self.grid = Grid.over(self.shape, self.settings.step)
+        self.plan = Plan.of(self.asked, (height, width), name)
+        self.shape, self.grid = self.plan.shape, self.plan.grid
         self.constant, self.scale = range_of(first[::4, ::4], name)
         asked = self.asked
         self.guess_maps = None if self.guess is None else maps_of_guess(self.guess, self.grid)
@@ -206,48 +197,53 @@ class Session:
             reference, moved = (
                 self._with_raw(one, one.raw.lowpassed(settings.lowpass)) for one in (reference, moved)
             )
-        bodies = reference.bodies
-        if bodies is None or len(bodies.boxes) < 2:
-            found = self._piece(reference, moved, settings, None, self.everywhere, self.everywhere, start)
-        else:
-            found = self._apart(reference, moved, settings, start)
-        flag = found.flag
-        failed = (flag & FAILING).astype(bool)
+        plan = self.plan.replace(lighting=settings.lighting)
+        found = BodiesOfPair(self, reference, moved, plan).measure(start)
+        notes = (*self._notes_of_masks(reference, moved), *reference.notes, *moved.notes)
+        notes += change.notes(self.asked, found.lighting, numbers)
+        notes += _notes_of_pixels(numbers, blank, copied, dead)
+        return self._result(found, reference, moved, numbers, notes)
+
+    def _result(
+        self,
+        found: Solution,
+        reference: Prepared,
+        moved: Prepared,
+        numbers: tuple[int, int],
+        notes: tuple[str, ...],
+    ) -> PairResult:
+        """Bring a solution into the form of a field: six numbers, NaN where failed, in the frames' grey values."""
+        flag, failed, statistics = found.flag, found.failed, found.statistics
         six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, found.maps, axes=1), 0, -1)
-        six[..., ABSENT.get(settings.group, ())] *= 0.0  # by assumption, not by rounding; NaN stays NaN
+        six[..., ABSENT.get(self.plan.group, ())] *= 0.0  # by assumption, not by rounding; NaN stays NaN
         measured: dict[str, Any] = {
-            "six": six,
-            "covariance": found.covariance,
-            "residual": found.residual,
-            "noise": found.noise / (self.scale * math.sqrt(lowpass_noise(settings.lowpass))),
-            "resolution": found.period,
-        }
-        for name, values in measured.items():
+            "six": six.astype(self.plan.dtype),
+            "covariance": found.covariance.astype(self.plan.dtype),
+            "residual": statistics.residual.astype(self.plan.dtype),
             # noise is in grey levels, which may be of any size
-            measured[name] = values if name == "noise" else values.astype(self.dtype, copy=False)
-            measured[name][failed] = np.nan
-        if settings.replace_failed:
-            flag |= _replace(measured["six"], measured["covariance"], flag, self.grid, self.settings)
+            "noise": statistics.noise / (self.scale * math.sqrt(lowpass_noise(self.plan.lowpass))),
+            "resolution": found.period.astype(self.plan.dtype),
+        }
+        for values in measured.values():
+            values[failed] = np.nan
+        if self.asked.replace_failed:
+            wanted = failed & ((flag & FLAGS["masked"]) == 0)
+            replaced = replace_failed(
+                measured["six"], measured["covariance"], wanted, self.grid.step, self.plan.window.size
+            )
+            flag = flag | np.where(replaced, FLAGS["replaced"], 0).astype(np.uint16)
         digest = hashlib.sha256(reference.digest + moved.digest + reference.mask_content)
         if self.masks_move:
             digest.update(moved.mask_content)
-        memory = (
-            self.workspace.nbytes
-            + reference.frame.nbytes
-            + moved.frame.nbytes
-            + sum(m.nbytes for m in measured.values())
-        )
         body = found.body
         if self.masks_move and body is None:
-            number = 1 if bodies is None else next(iter(bodies.boxes))
+            number = 1 if reference.bodies is None else next(iter(reference.bodies.boxes))
             body = np.where(flag & FLAGS["masked"], 0, number).astype(np.int32)
-        change_notes = change.notes(self.asked, found.lighting, numbers)
-        notes = (*self._notes_of_masks(reference, moved), *reference.notes, *moved.notes, *change_notes)
-        notes += _notes_of_pixels(numbers, blank, copied, dead)
         windows = found.window[~failed] if not failed.all() else found.window
+        memory = reference.frame.nbytes + moved.frame.nbytes + sum(m.nbytes for m in measured.values())
         return PairResult(
             **measured, flag=flag, body=body, window=float(np.nanmedian(windows)), numbers=numbers,
-            digest=digest.hexdigest()[:16], notes=notes, memory=memory, rho=found.rho,
+            digest=digest.hexdigest()[:16], notes=notes, memory=memory, rho=statistics.rho,
         )  # fmt: skip
 
     def _notes_of_masks(self, reference: Prepared, moved: Prepared) -> tuple[str, ...]:
@@ -255,7 +251,7 @@ class Session:
         notes = self.masks.notes
         for bodies in (reference.bodies, moved.bodies if self.masks_move else None):
             if bodies is not None:
-                notes += said_of_mask(bodies, self.settings.window)
+                notes += said_of_mask(bodies, self.plan.window.size)
         return tuple(dict.fromkeys(notes))
 
     def _without_blanks(
@@ -282,103 +278,7 @@ class Session:
         """Replace a frame as it was before its local light was divided out."""
         if prepared.unlit is None:
             return dataclasses.replace(prepared, frame=raw)
-        return dataclasses.replace(prepared, frame=flattened(raw, self.settings.sigma), unlit=raw)
-
-    @property
-    def everywhere(self) -> Part:
-        """All rows and columns of the frames."""
-        assert self.shape is not None
-        return slice(0, self.shape[0]), slice(0, self.shape[1])
-
-    def _apart(self, reference: Prepared, moved: Prepared, settings: Settings, start: Start | None) -> Found:
-        """Measure every body by itself, in a part of the frames that leaves room for its motion."""
-        bodies, shape = reference.bodies, self.shape
-        assert bodies is not None
-        assert shape is not None
-        whole = Found.nothing(self.grid.shape)
-        if start is None and len(bodies.boxes) >= MANY_BODIES:
-            start = self._in_common(reference, moved, settings)
-        for number, box in bodies.boxes.items():
-            near = with_margin(box, shape, room_to_move(box, self.settings.window))
-            # off frame 0, its points may be anywhere near
-            points = with_margin(box, shape, self.grid.step) if self.settings.reference == "first" else near
-            if self.grid.within(*points, origin=near) is None or not self._reported(bodies, number):
-                continue
-            found = self._piece(reference, moved, settings, number, near, points, start)
-            if near != self.everywhere and share_failed(found.flag) > FAILED:
-                far = points if self.settings.reference == "first" else self.everywhere
-                again = self._piece(reference, moved, settings, number, self.everywhere, far, start)
-                if share_failed(again.flag) < share_failed(found.flag):
-                    found, points = again, far
-            whole.take(found, number, self._grid_in(points, points)[1])
-        return whole
-
-    def _in_common(self, reference: Prepared, moved: Prepared, settings: Settings) -> Start | None:
-        """Search the motion of all bodies as one: a start for each; a body that it misses is searched by itself."""
-        if (
-            self.guess is not None
-            or settings.search not in ("auto", "pyramid")
-            or settings.reference != "first"
-        ):
-            return None
-        assert reference.bodies is not None
-        everything = reference.bodies.of_number(None, self.everywhere)
-        frame = reference.frame.within(both_valid(everything, reference.frame.valid))
-        frame = reference.evidence(frame, self.everywhere)
-        if not frame.valid.any():
-            return None
-        single = search_settings(settings, frame.image.shape)
-        other = moved.evidence(moved.frame, self.everywhere)
-        return Start(pyramid(frame, other, self.grid, single, self.workspace))
-
-    def _reported(self, bodies: Bodies, number: int) -> bool:
-        """Whether any grid point may lie on a body."""
-        if self.settings.reference != "first":
-            return True
-        return bool((bodies.labels[np.ix_(self.grid.y, self.grid.x)] == number).any())
-
-    def _grid_in(self, points: Part, part: Part) -> tuple[Grid, Part]:
-        within = self.grid.within(*points, origin=part)
-        assert within is not None
-        return within
-
-    def _piece(
-        self,
-        reference: Prepared,
-        moved: Prepared,
-        settings: Settings,
-        number: int | None,
-        part: Part,
-        points: Part,
-        start: Start | None,
-    ) -> Found:
-        """Measure one body (None: all that the mask leaves) in a part of the frames, at the grid points of another."""
-        grid, places = self._grid_in(points, part)
-        region, asked, other = self._frames_of(reference, moved, number, part)
-        known = None if start is None else start.of(number, places, grid)
-        guess = None if self.guess_maps is None else self.guess_maps[(slice(None), *places)]
-        light = self._light(reference, moved, number, part, grid)
-        doubtful = self.asked.lighting == "auto" and settings.lighting == "gain+offset"
-        if settings.reference == "second":
-            # frame 1 is the one that stays: frame 0 is found from it, backwards
-            known = None if known is None else known.backwards()
-            swapped = settings.replace(reference="first")
-            guess = None if guess is None else -placed(guess, grid, 1.0)
-            found = Between(other, region, other, grid, swapped, self.workspace, light, doubtful).measure(
-                known, guess
-            )
-            maps = -found.maps
-        else:
-            found = Between(region, other, asked, grid, settings, self.workspace, light, doubtful).measure(
-                known, guess
-            )
-            maps = found.maps
-        flag, quality = found.flag, found.quality
-        flag[masked_points(maps, grid, asked.valid, settings.reference)] = FLAGS["masked"]
-        return Found(
-            maps, quality.covariance, quality.residual, quality.noise, quality.rho,
-            found.window, found.period, flag, None, found.lighting,
-        )  # fmt: skip
+        return dataclasses.replace(prepared, frame=flattened(raw, self.plan.window.sigma), unlit=raw)
 
     def _frames_of(
         self, reference: Prepared, moved: Prepared, number: int | None, part: Part
@@ -431,10 +331,10 @@ class Session:
             there = (moved.bodies.whole or moved.bodies).of_number(
                 self._partner(reference, moved, number), part
             )
-        backwards = self.settings.reference == "second"
+        backwards = self.plan.reference == "second"
         frames = reference.unlit.part(part), moved.unlit.part(part)
         return RegionLight(
-            *frames, bodies.of_number(number, part), there, grid, self.settings.sigma, backwards
+            *frames, bodies.of_number(number, part), there, grid, self.plan.window.sigma, backwards
         )
 
     def field(
@@ -495,16 +395,3 @@ def _sample(image: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
     counted = valid.astype(bool)
     some = image[::4, ::4][counted[::4, ::4]]
     return some if some.size else image[counted] if counted.any() else np.zeros(1, image.dtype)
-
-
-def _replace(
-    six: NDArray[Any], covariance: NDArray[Any], flag: NDArray[np.uint16], grid: Grid, settings: Settings
-) -> NDArray[np.uint16]:
-    """Fill failed points of `six` and `covariance` in place from their neighbours; the flag bits that say so."""
-    wanted = ((flag & FAILING) != 0) & ((flag & FLAGS["masked"]) == 0)
-    predicted, spread, known = predictions(six, covariance, wanted, grid.step, settings.window)
-    at = np.flatnonzero(wanted)[known]
-    six.reshape(-1, 6)[at], covariance.reshape(-1, 6, 6)[at] = predicted[known], spread[known]
-    bits = np.zeros(flag.shape, np.uint16)
-    bits.ravel()[at] = FLAGS["replaced"]
-    return bits

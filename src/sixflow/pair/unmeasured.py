@@ -21,8 +21,8 @@ from sixflow.pair.result import PairResult, Prepared
 from sixflow.prepare.frame import NO_MASK, both_valid
 
 if TYPE_CHECKING:
-    from sixflow.pair.bodies import Start
     from sixflow.pair.session import Session
+    from sixflow.pair.start import Start
     from sixflow.recording.schedule import Recording
 
 Tried: TypeAlias = Prepared | BadFrame
@@ -129,7 +129,7 @@ def _unmeasured(
     if bodies is not None:
         valid = both_valid((bodies.labels != 0).astype(np.uint8), valid)
     still = np.full((6, *grid.shape), np.nan)
-    masked = masked_points(still, grid, valid, session.settings.reference)
+    masked = masked_points(still, grid, valid, session.plan.reference)
     flags = np.full(grid.shape, FLAGS[flag], np.uint16)
     flags[masked] |= FLAGS["masked"]
     body = None
