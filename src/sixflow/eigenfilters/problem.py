@@ -95,7 +95,7 @@ class EigenfilterProblem:
             )
         self.still, self.grid, self.plan, self.sigma = still, grid, plan, plan.window.sigma
         # operators do not see brightness, but its step beside pixels without a partner is a gradient
-        even = moved.showing(moved.image - still.image.dtype.type(_brightness_change(still, moved)))
+        even = moved.less(_brightness_change(still, moved), plan.degree)
         self.sweep = Sweep(
             still, even, grid, self.sigma, degree=plan.degree, lowpass=plan.lowpass,
             central=plan.reference == "middle",

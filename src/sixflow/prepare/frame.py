@@ -177,6 +177,13 @@ class Frame:
         """Return another image with the same validity mask."""
         return Frame(image, self.valid, self.reach, self.floor, self.rounded)
 
+    def less(self, constant: float, degree: int) -> Frame:
+        """Return the frame less a grey constant, which its spline of a degree is less too."""
+        value = self.image.dtype.type(constant)
+        frame = self.showing(self.image - value)
+        frame._coefficients[degree] = self.coefficients(degree) - value
+        return frame
+
     def lowpassed(self, lowpass: float) -> Frame:
         """Return the frame after a Gaussian of `lowpass` px; the frame itself for 0."""
         if not lowpass:
