@@ -16,7 +16,6 @@ import naive
 from sixflow import InputError, Settings, measure, measure_sequence
 from sixflow.cli import main
 from sixflow.eigenfilters.problem import EigenfilterProblem, OperatorArray
-from sixflow.engine import threads
 from sixflow.engine.response import response as response_of
 from sixflow.engine.window import attenuation_period, sharpening_noise, window_sigma
 from sixflow.field.dataset import SIX
@@ -457,15 +456,6 @@ def test_repeated_runs_are_identical(made, field):
     assert_identical(eigenfilter(*frames), field)
     np.testing.assert_array_equal(frames[0], made.frame0)
     np.testing.assert_array_equal(frames[1], made.frame1)
-
-
-@pytest.mark.parametrize("options", [{}, {"lighting": "gain+offset", "sharpen": 1}])
-def test_the_number_of_threads_does_not_matter(made, monkeypatch, options):
-    fields = []
-    for workers in (1, 2):
-        monkeypatch.setattr(threads, "worker_count", lambda workers=workers: workers)
-        fields.append(eigenfilter(made.frame0, made.frame1, **options))
-    assert_identical(*fields)
 
 
 def test_the_unit_of_grey_does_not_matter(made, field):

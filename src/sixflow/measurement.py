@@ -16,6 +16,7 @@ from typing import Any, Unpack
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from sixflow.engine.threads import each_in, limited
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import join_attrs, said_of_pairs
@@ -28,7 +29,7 @@ from sixflow.pair.session import Session
 from sixflow.recording.consecutive import consecutive
 from sixflow.recording.schedule import Recording, Schedule
 from sixflow.recording.sequence import Update, check_update, follow
-from sixflow.search.guess import without_guess
+from sixflow.search.guess import Guess, without_guess
 from sixflow.settings import Settings, SettingsOptions, require_names, require_settings
 
 
@@ -37,6 +38,7 @@ def measure(
     frame1: ArrayLike,
     *,
     mask: MaskLike | None = None,
+    threads: int | None = None,
     settings: Settings | None = None,
     **options: Unpack[SettingsOptions],
 ) -> xr.Dataset:
@@ -54,6 +56,9 @@ def measure(
         With one mask for each frame a pixel counts only where both allow it, at x and at x + u. The path of a file of a
         mask is read with `read_mask`; use that itself for numbers of bodies. Rectangles and polygons are settings:
         `roi`, `polygons`, `holes`.
+    threads : int, optional
+        How many threads may compute, at least 1: this one and others. If not given: the environment variable
+        `SIXFLOW_THREADS`, or one for each processor. The result is the same, to the last bit.
     settings : Settings, optional
         How to measure; the defaults if not given.
     **options
@@ -71,7 +76,7 @@ def measure(
     ------
     InputError
         If a frame, the mask or a setting cannot be used: not two-dimensional real frames of one shape,
-        smaller than the window, without contrast; a mask of another shape or without True.
+        smaller than the window, without contrast; a mask of another shape or without True; a number of threads below 1.
 
     Notes
     -----
@@ -94,6 +99,12 @@ def measure(
     masks = Masks(mask)
     masks.require(2)
     chosen, guess = without_guess(require_settings(settings), options)
+    return limited(threads).run(_measure_pair, frame0, frame1, masks, chosen, guess)
+
+
+def _measure_pair(
+    frame0: Any, frame1: Any, masks: Masks, chosen: Settings, guess: Guess | None
+) -> xr.Dataset:
     files = _files(frame0, frame1, chosen)
     chosen = chosen if files is None else files.settings
     floor = Floor() if files is None else Floor.of(files.source)
@@ -117,6 +128,7 @@ def measure_sequence(
     mask: MaskLike | None = None,
     times: Times | None = None,
     strict: bool = False,
+    threads: int | None = None,
     settings: Settings | None = None,
     progress: Callable[[int], None] | None = None,
     **options: Unpack[SettingsOptions],
@@ -149,7 +161,7 @@ def measure_sequence(
         Raise at the first frame that cannot be used. Otherwise the pairs of such a frame (constant, without a value, of
         another shape, not to be decoded) are NaN and flagged `bad_frame`, and a pair of two equal frames `repeated`;
         notes tell which and why, and the recording goes on.
-    settings, **options
+    threads, settings, **options
         As for `measure`. `pixel_size`, `length_unit` and `frame_interval` are those of the recording's metadata where
         they are not given.
     progress : callable, optional
@@ -190,10 +202,10 @@ def measure_sequence(
         strict=strict,
         options=options,
     )
-    left_over: tuple[str, ...] = ()
+    context, left_over = limited(threads), ()
     while True:
         try:
-            fields.append(next(measured))
+            fields.append(context.run(next, measured))
         except StopIteration as end:
             left_over = end.value
             break
@@ -213,6 +225,7 @@ def iterate_sequence(
     mask: MaskLike | None = None,
     times: Times | None = None,
     strict: bool = False,
+    threads: int | None = None,
     settings: Settings | None = None,
     skip: int = 0,
     done: xr.Dataset | None = None,
@@ -238,7 +251,7 @@ def iterate_sequence(
     xarray.Dataset
         With one time.
     """
-    yield from _measured(
+    measured = _measured(
         frames,
         Schedule(pairs, lag),
         update,
@@ -251,6 +264,7 @@ def iterate_sequence(
         seen=seen,
         options=options,
     )
+    yield from each_in(limited(threads), measured)
 
 
 def _measured(

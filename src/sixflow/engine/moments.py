@@ -214,7 +214,10 @@ def _window_sums(
     """Moments of all products of one kind for the grid rows start … stop; `orders`: powers of Y of each product."""
     height, width = a.shape
     low, high = _rows_needed(height, grid, weights.shape[1] // 2, start, stop)
-    columns = np.empty((stop - start, orders.sum(), width), a.dtype)
+    planes = 0  # a sum of the array would load much of Numba in every process
+    for n in range(len(orders)):
+        planes += orders[n]
+    columns = np.empty((stop - start, planes, width), a.dtype)
     products = np.empty((orders.size, high - low, min(_TILE, width)), a.dtype)
     scratch = np.empty((2, min(_TILE, width)), a.dtype)
     for tile in range(0, width, _TILE):

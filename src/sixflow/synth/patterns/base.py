@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike
 from sixflow.synth.check import Array, points, require, whole
 from sixflow.synth.motions.base import Motion, require_motion
 
+CHUNK = 1 << 14
+"""Points that one thread evaluates at a time: the working arrays stay in the cache."""
+
 
 class Pattern(abc.ABC):
     """A pattern of grey values, known analytically over the whole plane.
