@@ -39,6 +39,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.checks import number
 from sixflow.convention import propagate_composition
 from sixflow.eigenfilters.bank import FilterBank
 from sixflow.eigenfilters.candidates import (
@@ -60,7 +61,6 @@ from sixflow.eigenfilters.pooled import PooledOperator
 from sixflow.eigenfilters.warped import Neighbourhoods, Spline
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
-from sixflow.synth.check import number
 
 CHANCE, RIVAL = 20.0, 5.0
 """Log-likelihood ratios that a converged point has, against chance and against every other map."""

@@ -36,7 +36,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, as_floats, require_broadcast, silent
+from sixflow.array_checks import Array, as_floats, require_broadcast, silent
 from sixflow.convention.six import GENERATOR_NAMES
 from sixflow.eigenfilters.generators import (
     L_B,

@@ -10,10 +10,10 @@ from typing import Any
 
 import xarray as xr
 
+from sixflow.checks import shown
 from sixflow.errors import InputError
 from sixflow.field.interval import Elapsed, positive, require_seconds, with_frame_interval, with_settings
 from sixflow.field.selection import stored_settings
-from sixflow.settings.values import shown
 
 
 @dataclasses.dataclass(frozen=True)

@@ -19,10 +19,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sixflow.checks import A_SCALE, is_scale, plain, shown
 from sixflow.errors import InputError
 from sixflow.field.selection import stored_settings
 from sixflow.frames.times import AGREEMENT
-from sixflow.settings.values import A_SCALE, is_scale, plain, shown
 
 VARIES = "varies"
 """What the attribute `interval` says of pairs that do not all have the same."""

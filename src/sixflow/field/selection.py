@@ -11,11 +11,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sixflow.checks import is_number, plain, shown
 from sixflow.convention.reference import SHARE
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, FLAGS, SIX
 from sixflow.settings import WIDEST, Settings
-from sixflow.settings.values import is_number, plain, shown
 
 
 def require_field(field: object, name: str = "field") -> xr.Dataset:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 from matplotlib.path import Path
 
-from sixflow.convention._checks import Array
+from sixflow.array_checks import Array
 from sixflow.errors import InputError
 from sixflow.groups.group import Group
 from sixflow.groups.trajectories import trajectory

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, Invalid, as_floats, require_broadcast
+from sixflow.array_checks import Array, Invalid, as_floats, require_broadcast
 from sixflow.errors import InputError
 from sixflow.groups.algebra import as_points
 from sixflow.groups.group import Group

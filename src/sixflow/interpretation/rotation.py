@@ -26,7 +26,7 @@ from sixflow.interpretation.estimate import Estimate, Interpretation
 from sixflow.interpretation.region import RegionFit, require_fit
 from sixflow.interpretation.sight import look_at
 from sixflow.scenes import Camera
-from sixflow.scenes._checks import Of, require_kind, require_of
+from sixflow.scenes.arguments import Of, require_kind, require_of
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

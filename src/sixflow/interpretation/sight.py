@@ -37,7 +37,7 @@ from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.errors import InputError
 from sixflow.interpretation.region import RegionFit, require_fit
 from sixflow.scenes import Camera, recentring_matrix
-from sixflow.scenes._checks import Of, pair, require_kind, require_of, triple
+from sixflow.scenes.arguments import Of, pair, require_kind, require_of, triple
 from sixflow.scenes.flow import coefficients_from_matrix, matrix_from_coefficients
 from sixflow.scenes.rotation import rotation_matrix
 

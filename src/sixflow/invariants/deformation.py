@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, as_floats, require_broadcast, silent
+from sixflow.array_checks import Array, as_floats, require_broadcast, silent
 from sixflow.invariants.kanatani import as_covariance
 from sixflow.invariants.polar import polar, polar_covariance, polar_jacobian, roots
 

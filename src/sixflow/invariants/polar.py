@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, require_broadcast, silent
+from sixflow.array_checks import Array, require_broadcast, silent
 from sixflow.errors import InputError
 from sixflow.invariants.kanatani import PLACES, WEIGHTS, as_covariance, as_numbers
 

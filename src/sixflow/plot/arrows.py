@@ -12,6 +12,7 @@ from matplotlib.quiver import Quiver
 from matplotlib.transforms import ScaledTranslation, Transform, blended_transform_factory
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.checks import is_whole
 from sixflow.errors import InputError
 from sixflow.field.selection import reference_of
 from sixflow.plot.look import ARROW, FONT, INK, nice_below, require_axes
@@ -130,7 +131,7 @@ def draw_frame(ax: Axes, view: View, frame: ArrayLike | None) -> None:
 
 def thin(view: View, most: int) -> tuple[NDArray[np.bool_], float]:
     """Choose every n-th grid point, about `most` along the longer side; return them and their distance."""
-    if isinstance(most, bool) or not isinstance(most, int | np.integer) or most < 1:
+    if not is_whole(most, 1):
         raise InputError(f"{most!r} marks along the longer side: must be a whole number, at least 1")
     rows, columns = len(view.y), len(view.x)
     every = max(1, math.ceil(max(rows, columns) / most))

@@ -27,6 +27,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.checks import is_whole
 from sixflow.convention import SIX
 from sixflow.convention.flags import FLAGS
 from sixflow.errors import BadFrameError, InputError, SixflowError
@@ -55,8 +56,7 @@ def check_update(update: object, pairs: str, reference: str) -> Update:
     InputError
         If the arguments do not go together.
     """
-    whole = isinstance(update, int) and not isinstance(update, bool) and update >= 1
-    if not (update is None or update == "lost" or whole):
+    if not (update is None or update == "lost" or is_whole(update, 1)):
         raise InputError(
             f"update={update!r}: must be a whole number of frames, at least 1, or 'lost', or None for "
             "the first frame throughout"

@@ -23,20 +23,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sixflow.array_checks import finite_floats
+from sixflow.checks import number, require
 from sixflow.convention import SIX
 from sixflow.errors import InputError
-from sixflow.scenes._checks import (
-    Array,
-    Of,
-    Triple,
-    finite_floats,
-    number,
-    pair,
-    require,
-    require_kind,
-    require_of,
-    triple,
-)
+from sixflow.scenes.arguments import Array, Of, Triple, pair, require_kind, require_of, triple
 from sixflow.scenes.camera import Camera
 from sixflow.scenes.eight import EIGHT, six_matrix
 from sixflow.scenes.flow import coefficients_from_matrix, velocity_matrix

@@ -21,9 +21,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sixflow.array_checks import finite_floats, image_points
 from sixflow.convention import six_from_gradient
 from sixflow.errors import InputError
-from sixflow.scenes._checks import Array, finite_floats, image_points, pair, refuse_points, require_kind
+from sixflow.scenes.arguments import Array, pair, refuse_points, require_kind
 from sixflow.scenes.camera import Camera
 from sixflow.scenes.displacement import RigidDisplacement
 from sixflow.scenes.eight import Eight

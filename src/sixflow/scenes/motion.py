@@ -29,17 +29,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.scenes._checks import (
-    Array,
-    Of,
-    Triple,
-    finite_floats,
-    number,
-    require,
-    require_kind,
-    require_of,
-    triple,
-)
+from sixflow.array_checks import finite_floats
+from sixflow.checks import number, require
+from sixflow.scenes.arguments import Array, Of, Triple, require_kind, require_of, triple
 from sixflow.scenes.displacement import RigidDisplacement, displacement_of
 from sixflow.scenes.rotation import drift_matrix, rotation_matrix, rotation_vector
 

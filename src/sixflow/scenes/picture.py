@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sixflow.checks import numbers, require
 from sixflow.plot.look import ARROW, FONT, INK, MASKED_FACE, new_figure
 from sixflow.plot.saving import save_figure
-from sixflow.scenes._checks import Array, numbers, require, require_kind
+from sixflow.scenes.arguments import Array, require_kind
 from sixflow.scenes.calibration import Calibration
 from sixflow.scenes.eight import six_matrix
 

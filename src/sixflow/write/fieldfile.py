@@ -12,10 +12,10 @@ from typing import TypeAlias, cast
 import numpy as np
 import xarray as xr
 
+from sixflow.checks import shown
 from sixflow.errors import FieldFileError, InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.dataset import SIX
-from sixflow.settings.values import shown
 from sixflow.write.guarded import damage_told, guarded
 from sixflow.write.layout import batches, checked_field, in_order, incomplete_coordinates
 from sixflow.write.lock import locked

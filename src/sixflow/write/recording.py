@@ -18,10 +18,10 @@ from typing import Any, Self
 import numpy as np
 import xarray as xr
 
+from sixflow.checks import is_whole, shown
 from sixflow.errors import BadFrameError, FieldFileError, FrameFileError, InputError
 from sixflow.field.provenance import joined_attrs, said_of_pairs
 from sixflow.frames.digests import FrameDigests
-from sixflow.settings.values import is_whole, shown
 from sixflow.write import zarrstore
 from sixflow.write.fieldfile import save
 from sixflow.write.guarded import damage_told, guarded

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from sixflow.checks import number, require, whole
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
 from sixflow.maps.grid import Grid
 from sixflow.prepare.frame import check_frame
-from sixflow.synth.check import number, require, whole
 
 Array = NDArray[Any]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.errors import InputError
-from sixflow.synth.check import Array
+from sixflow.synth.arguments import Array
 from sixflow.synth.motions.base import Motion
 from sixflow.synth.patterns.threads import over_parts
 

@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 
-from sixflow.synth.check import Array, length, number, numbers, require, whole
+from sixflow.checks import number, numbers, require, whole
+from sixflow.synth.arguments import Array, length
 from sixflow.synth.patterns.base import Pattern
 from sixflow.synth.patterns.threads import over_parts
 
