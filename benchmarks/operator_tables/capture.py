@@ -238,7 +238,7 @@ def _show_curves(title: str, curves: Curves) -> None:
 
 def _draw(wide: Curves, deep: Curves, path: Path) -> None:
     """Six panels: success against the size of the motion; the grey range is where `capture` looks."""
-    from sixflow.plot.look import FONT, INK, MASKED_FACE, new_figure, tidy
+    from sixflow.drawing.look import FONT, INK, MASKED_FACE, new_figure, tidy
 
     figure = new_figure(7.6, 4.6)
     axes = figure.subplots(2, 3, sharey=True)

@@ -63,7 +63,7 @@ def plot(
     overwrite
         Replace the picture if it exists.
     """
-    from sixflow.cli.figures import check_figure, staged_figure
+    from sixflow.cli.figures import check_figure
     from sixflow.write import open_field
 
     output = check_figure(output, overwrite)
@@ -82,14 +82,14 @@ def plot(
             "title": title,
         }
         background = None if frame is None else _read_frame(frame, shown, time)
-        with _in_flags(units), staged_figure(output) as partial:
+        with _in_flags(units):
             plot_field(
                 shown,
                 background,
                 time=time,
                 y_up=y_up,
                 units=units,
-                path=partial,
+                path=output,
                 standard_errors=standard_errors,
                 **options,
             )

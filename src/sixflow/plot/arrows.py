@@ -13,9 +13,9 @@ from matplotlib.transforms import ScaledTranslation, Transform, blended_transfor
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.checks import is_whole
+from sixflow.drawing.look import ARROW, FONT, INK, nice_below, require_axes
 from sixflow.errors import InputError
 from sixflow.field.selection import reference_of
-from sixflow.plot.look import ARROW, FONT, INK, nice_below, require_axes
 from sixflow.plot.missing import fill_missing, mark_failed
 from sixflow.plot.view import Units, View
 

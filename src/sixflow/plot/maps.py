@@ -7,8 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.image import AxesImage
 
-from sixflow.errors import InputError
-from sixflow.plot.look import (
+from sixflow.drawing.look import (
     ERROR_MAP,
     SIGNED_MAP,
     add_colour_bar,
@@ -19,6 +18,7 @@ from sixflow.plot.look import (
     signed_limit,
     with_power,
 )
+from sixflow.errors import InputError
 from sixflow.plot.missing import fill_missing
 from sixflow.plot.view import Units, View, cell_edges
 

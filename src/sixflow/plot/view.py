@@ -10,13 +10,13 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from sixflow.drawing.look import tidy
 from sixflow.errors import InputError
 from sixflow.field.calibration import Calibration
 from sixflow.field.dataset import SIX
 from sixflow.field.derived import DERIVED, derive, derived_error
 from sixflow.field.physical import PHYSICAL_NAMES, to_physical, turn_up
 from sixflow.field.selection import frame_shape, masked_and_failed, one_pair, require_field
-from sixflow.plot.look import tidy
 
 Array = NDArray[Any]
 Units = Literal["px", "physical"]

@@ -19,7 +19,7 @@ from sixflow.field.dataset import SIX
 from sixflow.write.guarded import damage_told, guarded
 from sixflow.write.layout import batches, checked_field, in_order, incomplete_coordinates
 from sixflow.write.lock import locked
-from sixflow.write.target import SUFFIXES, check_output, is_zarr, staged
+from sixflow.write.target import SUFFIXES, check_output, is_zarr, staged_output
 
 Writer: TypeAlias = Callable[[Path, Iterator[xr.Dataset]], None]
 
@@ -78,7 +78,7 @@ def save(parts: Iterator[xr.Dataset], target: Path, overwrite: bool) -> None:
     """Write the parts of a field, which follow each other in time, in the format that `target` names."""
     suffix = target.suffix.lower()
     module = importlib.import_module(f"sixflow.write.{_MODULES[suffix]}")
-    with staged(target, overwrite) as partial:
+    with staged_output(target, overwrite) as partial:
         try:
             cast(Writer, module.write)(partial, parts)
         except (TypeError, ValueError) as error:
