@@ -33,6 +33,7 @@ from sixflow.convention.flags import FLAGS
 from sixflow.errors import BadFrameError, InputError, SixflowError
 from sixflow.frames.bad import BadFrame
 from sixflow.judge.flags import fill_failed
+from sixflow.maps.motion import Motion
 from sixflow.maps.placing import leaves
 from sixflow.masks import AnyBodies, Masks
 from sixflow.pair.bodies import Start
@@ -40,7 +41,7 @@ from sixflow.pair.result import PairResult, Prepared
 from sixflow.pair.session import Session
 from sixflow.pair.unmeasured import Tried, try_frame, try_pair
 from sixflow.recording.schedule import Recording
-from sixflow.recording.trajectory import Motion, carried, joined
+from sixflow.recording.trajectory import carried, joined
 
 Update: TypeAlias = int | Literal["lost"] | None
 
