@@ -22,10 +22,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cases import rms, show, verdict
+from large_motion.capture import Captured, capture
 from operator_tables.own_law import TEXTURES
 from sixflow import measure, synth
 from sixflow.convention import SIX, six_from_coefficients
-from sixflow.eigenfilters.capture import Captured, capture
 
 WINDOW, RADIUS, PYRAMID_RADIUS, STEP = 31, 80, 128, 16
 SHIFT_ERROR, GRADIENT_ERROR = 0.1, 0.01
