@@ -29,10 +29,8 @@ def as_floats(name: str, value: ArrayLike, trailing: tuple[int, ...]) -> Array:
 
     float32 is kept, everything else becomes float64. Masked elements become NaN: masked is never a number.
 
-    Raises
-    ------
-    InputError
-        If `value` is no array of real numbers (complex, bool, object, text), or its last dimensions differ.
+    Raises InputError if `value` is no array of real numbers (complex, bool, object, text), or its last
+    dimensions differ.
     """
     try:
         array = value if isinstance(value, np.ma.MaskedArray) else np.asarray(value)
@@ -79,10 +77,7 @@ def refuse(name: str, bad: Array, reason: str, invalid: str) -> None:
 def finite_floats(name: str, value: ArrayLike, trailing: tuple[int, ...] = ()) -> NDArray[np.float64]:
     """Return real, finite numbers as float64 whose last dimensions are `trailing`.
 
-    Raises
-    ------
-    InputError
-        If they are not real, of another shape, or not finite.
+    Raises InputError if they are not real, of another shape, or not finite.
     """
     array = as_floats(name, value, trailing).astype(np.float64)
     bad = ~np.isfinite(array)

@@ -16,13 +16,7 @@ ERROR = ".standard_error"
 
 
 def checked(path: Path, overwrite: bool) -> Path:
-    """Return where a table can be written.
-
-    Raises
-    ------
-    FieldFileError
-        If it cannot, or is no .csv file.
-    """
+    """Return where a table can be written; FieldFileError if it cannot, or is no .csv file."""
     from sixflow.write import check_output
 
     if path.suffix.lower() != ".csv":

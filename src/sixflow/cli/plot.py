@@ -110,10 +110,7 @@ def _in_flags(units: str) -> Iterator[None]:
 def _read_frame(path: str, field: xr.Dataset, time: int) -> Any:
     """Return the reference frame of a pair from an image, or from the recording that was measured.
 
-    Raises
-    ------
-    InputError
-        If the field has no such pair, or the recording no such frame.
+    Raises InputError if the field has no such pair, or the recording no such frame.
     """
     from sixflow.field.selection import one_pair, reference_of
     from sixflow.frames import open_frames

@@ -85,13 +85,7 @@ def patch(radius: int) -> tuple[Real, Real]:
 
 
 def require_radius(radius: Any) -> int:
-    """Return a radius of a patch as an int.
-
-    Raises
-    ------
-    InputError
-        If it is no whole number from 1 to 512.
-    """
+    """Return a radius of a patch as an int; InputError if it is no whole number from 1 to 512."""
     wanted = f"must be a whole number of px from 1 to {LARGEST_RADIUS}"
     require(is_whole(radius, 1, LARGEST_RADIUS), "radius", radius, wanted)
     return int(radius)

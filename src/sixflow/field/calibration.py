@@ -38,10 +38,7 @@ class Calibration:
     def of(cls, field: xr.Dataset) -> Calibration:
         """Take it from the settings and the times of the field.
 
-        Raises
-        ------
-        InputError
-            If something is unknown, or is no positive number.
+        Raises InputError if something is unknown, or is no positive number.
         """
         stored = stored_settings(field)
         size = stored.get("pixel_size")

@@ -154,13 +154,7 @@ def with_frame_interval(field: xr.Dataset, frame_interval: float) -> xr.Dataset:
 
 
 def require_seconds(field: xr.Dataset) -> Elapsed:
-    """Return the time between the two frames of each pair, s.
-
-    Raises
-    ------
-    InputError
-        If it is unknown.
-    """
+    """Return the time between the two frames of each pair, s; InputError if it is unknown."""
     known = elapsed(field)
     if known.unit != "s":
         raise InputError(
@@ -171,13 +165,7 @@ def require_seconds(field: xr.Dataset) -> Elapsed:
 
 
 def positive(name: str, value: Any) -> float:
-    """Return a positive number.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
+    """Return a positive number; InputError if it is none."""
     value = plain(value)
     if not is_scale(value):
         raise InputError(f"{name}={shown(value)}: must be {A_SCALE}")

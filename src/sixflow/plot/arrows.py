@@ -115,10 +115,7 @@ def _draw_reference(ax: Axes, view: View, length: float, unit: str, style: dict[
 def draw_frame(ax: Axes, view: View, frame: ArrayLike | None) -> None:
     """Draw the frame, pale, so that what lies over it can be read.
 
-    Raises
-    ------
-    InputError
-        If the frame is no array of numbers of the size of the field's frames.
+    Raises InputError if the frame is no array of numbers of the size of the field's frames.
     """
     if frame is None:
         return

@@ -52,10 +52,7 @@ LOST = 0.8
 def check_update(update: object, pairs: str, reference: str) -> Update:
     """Return how the reference is renewed, of the arguments of a sequence; 1 for pairs="incremental".
 
-    Raises
-    ------
-    InputError
-        If the arguments do not go together.
+    Raises InputError if the arguments do not go together.
     """
     if not (update is None or update == "lost" or is_whole(update, 1)):
         raise InputError(

@@ -169,10 +169,8 @@ def homography_flow(matrix: ArrayLike, centre: tuple[float, float] = (0.0, 0.0))
 def homography_log(matrix: ArrayLike) -> Array:
     """Real logarithm of a homography of det 1, shape (3, 3); of trace 0.
 
-    Raises
-    ------
-    InputError
-        If the matrix is singular or mirrors, or has no real logarithm: no steady motion leads to it.
+    Raises InputError if the matrix is singular or mirrors, or has no real logarithm: no steady motion leads
+    to it.
     """
     from scipy.linalg import expm, logm
 

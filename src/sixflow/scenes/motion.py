@@ -226,10 +226,7 @@ def _opposite(vector: Triple) -> Triple:
 def as_displacement(motion: object) -> RigidDisplacement:
     """Return the displacement over one frame interval.
 
-    Raises
-    ------
-    InputError
-        If the motion is neither a RigidMotion nor a RigidDisplacement.
+    Raises InputError if the motion is neither a RigidMotion nor a RigidDisplacement.
     """
     if isinstance(motion, RigidMotion):
         return motion.displacement()
@@ -239,13 +236,7 @@ def as_displacement(motion: object) -> RigidDisplacement:
 
 
 def as_motion(motion: object) -> RigidMotion:
-    """Return the steady motion.
-
-    Raises
-    ------
-    InputError
-        If the motion is neither a RigidMotion nor a RigidDisplacement.
-    """
+    """Return the steady motion; InputError if the motion is neither a RigidMotion nor a RigidDisplacement."""
     return (
         motion if isinstance(motion, RigidMotion) else RigidMotion.from_displacement(as_displacement(motion))
     )

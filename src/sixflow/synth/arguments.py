@@ -37,10 +37,8 @@ def frame_shape(shape: Any) -> tuple[int, int]:
 def points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     """Return coordinates, px, as two float64 arrays of one shape.
 
-    Raises
-    ------
-    InputError
-        If they are not real numbers, not of shapes that broadcast, not finite, or beyond `FARTHEST`.
+    Raises InputError if they are not real numbers, not of shapes that broadcast, not finite, or beyond
+    `FARTHEST`.
     """
     x, y = image_points(x, y)
     for name, array in (("x", x), ("y", y)):

@@ -167,10 +167,7 @@ def _check_content(field: xr.Dataset, path: Path) -> None:
 def _checked_input(path: str | os.PathLike[str]) -> Path:
     """Return the path of a file or store that is there.
 
-    Raises
-    ------
-    FieldFileError
-        If it is not, or is nothing to read a field from.
+    Raises FieldFileError if it is not, or is nothing to read a field from.
     """
     try:
         path = Path(path).expanduser()

@@ -90,10 +90,7 @@ def is_zarr(path: Path) -> bool:
 def staged_output(path: Path, overwrite: bool) -> Iterator[Path]:
     """Give a place to write to; what is there in the end becomes `path`, and on an error nothing does.
 
-    Raises
-    ------
-    FieldFileError
-        If `path` cannot be used (`check_output`), or writing fails.
+    Raises FieldFileError if `path` cannot be used (`check_output`), or writing fails.
     """
     path = check_output(path, overwrite)
     with disk_errors(path), staged(path) as partial:
