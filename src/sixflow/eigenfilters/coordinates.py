@@ -283,10 +283,6 @@ def canonical(first: GeneratorLike, second: GeneratorLike) -> CanonicalCoordinat
     first, second : Generator or str
         (L_x, L_y), (L_s, L_r), (L_b, L_s) or (L_B, L_s), as objects, symbols ("L_s") or names ("divergence").
 
-    Returns
-    -------
-    CanonicalCoordinates
-
     Raises
     ------
     InputError

@@ -177,10 +177,6 @@ class PooledOperator:
         counted : bool array of the same shape
             Positions whose operator sees a pixel where it is False are left out.
 
-        Returns
-        -------
-        JointEstimate
-
         Raises
         ------
         InputError

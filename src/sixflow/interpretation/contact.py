@@ -94,10 +94,6 @@ def time_to_contact(
     of : "camera" or "object"
         Whose heading and rotation they are.
 
-    Returns
-    -------
-    TimeToContact
-
     Raises
     ------
     InputError

@@ -90,10 +90,6 @@ def ego_motion(fit: RegionFit, camera: Camera, plane: Plane, *, length_unit: str
     length_unit : str
         Of the plane's distance.
 
-    Returns
-    -------
-    EgoMotion
-
     Raises
     ------
     InputError

@@ -81,10 +81,6 @@ def focus_of_expansion(
     rotation : (X, Y, Z)
         Of the camera, rad/s if the fit knows the frame interval, else per frame interval; none by default.
 
-    Returns
-    -------
-    FocusOfExpansion
-
     Raises
     ------
     InputError

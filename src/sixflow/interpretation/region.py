@@ -155,10 +155,6 @@ def fit_region(
         Time between successive frames of the recording, s, above 0, as `field.sixflow.calibrate` takes it; the times of
         the field, if they are known, by default. Unknown, all times are in frame intervals of the recording.
 
-    Returns
-    -------
-    RegionFit
-
     Raises
     ------
     InputError

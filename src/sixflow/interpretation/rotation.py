@@ -78,10 +78,6 @@ def axis_rotation(
     of : "camera" or "object"
         Whose rotation it is, and whose heading.
 
-    Returns
-    -------
-    AxisRotation
-
     Raises
     ------
     InputError

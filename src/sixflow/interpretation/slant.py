@@ -88,10 +88,6 @@ def slant_and_tilt(
     of : "camera" or "object"
         Whose heading and rotation they are.
 
-    Returns
-    -------
-    SurfaceSlant
-
     Raises
     ------
     InputError

@@ -70,10 +70,6 @@ def deformation(six: ArrayLike, covariance: ArrayLike | None = None) -> Deformat
     covariance : array, shape (..., 6, 6), optional
         Of the six. Leading dimensions are broadcast.
 
-    Returns
-    -------
-    Deformation
-
     Raises
     ------
     InputError

@@ -64,10 +64,6 @@ def kanatani(numbers: ArrayLike) -> Invariants:
     numbers : array, shape (..., 6) or (..., 8)
         The six (u, v, divergence, curl, stretch, shear), or the six and (E, F).
 
-    Returns
-    -------
-    Invariants
-
     Raises
     ------
     InputError

@@ -64,10 +64,6 @@ def size_and_direction(name: str, numbers: ArrayLike, covariance: ArrayLike | No
     covariance : array, shape (..., 6, 6) or (..., 8, 8), optional
         Of the numbers. Leading dimensions are broadcast.
 
-    Returns
-    -------
-    Polar
-
     Raises
     ------
     InputError

@@ -56,10 +56,6 @@ def plot_arrows(
     arrows : int
         About this many arrows along the longer side, at least 1; others are left out.
 
-    Returns
-    -------
-    Quiver
-
     Raises
     ------
     InputError

@@ -60,10 +60,6 @@ def plot_map(
     limit : float or None
         The scale ends here (and at −limit); None chooses it so that about 1 % of the points lie beyond.
 
-    Returns
-    -------
-    AxesImage
-
     Raises
     ------
     InputError

@@ -145,10 +145,6 @@ def homography_flow(matrix: ArrayLike, centre: tuple[float, float] = (0.0, 0.0))
     centre : (float, float)
         Image point about which the coefficients are wanted, px.
 
-    Returns
-    -------
-    Eight
-
     Raises
     ------
     InputError

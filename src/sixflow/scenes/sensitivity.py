@@ -98,10 +98,6 @@ def sensitivity(
     prior : mapping, optional
         Standard errors, above 0, with which unknown ones are known beforehand, such as {"V_Z": 0.02}.
 
-    Returns
-    -------
-    Sensitivity
-
     Raises
     ------
     InputError
