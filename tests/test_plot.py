@@ -16,11 +16,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 
 from sixflow.convention import six_from_gradient
+from sixflow.drawing.look import FAILED_FACE, MASKED_FACE, new_figure, power_of_ten, signed_limit, with_power
+from sixflow.drawing.saving import save_figure
 from sixflow.errors import FieldFileError, InputError
 from sixflow.field.dataset import SIX
 from sixflow.plot import plot_arrows, plot_field, plot_glyphs, plot_map
-from sixflow.plot.look import FAILED_FACE, MASKED_FACE, new_figure, power_of_ten, signed_limit, with_power
-from sixflow.plot.saving import save_figure
 from test_accessor import make_field, rotation, spoil
 
 Array = np.ndarray[Any, Any]

@@ -201,7 +201,7 @@ def test_a_bad_parameter_is_named(make, name):
         (1e12, 0.0, "beyond"),
         ("a", 0.0, "dtype"),
         (1j, 0.0, "dtype"),
-        ([[1.0], [1.0, 2.0]], 0.0, "array of coordinates"),
+        ([[1.0], [1.0, 2.0]], 0.0, "cannot be made an array"),
         ([1.0, 2.0], [1.0, 2.0, 3.0], "broadcast"),
     ],
 )

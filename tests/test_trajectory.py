@@ -9,10 +9,11 @@ from sixflow.cli import main
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.field.interval import elapsed
 from sixflow.maps.grid import Grid
+from sixflow.maps.motion import Motion
 from sixflow.masks import Bodies
 from sixflow.measurement import join_fields
 from sixflow.recording.sequence import LOST
-from sixflow.recording.trajectory import Motion, carried, joined
+from sixflow.recording.trajectory import carried, joined
 from sixflow.synth import Affine, Sensor, Speckle, sequence
 from sixflow.write import open_field, write_field
 

@@ -22,10 +22,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cases import rms, show, verdict
+from large_motion.capture import Captured, capture
 from operator_tables.own_law import TEXTURES
 from sixflow import measure, synth
 from sixflow.convention import SIX, six_from_coefficients
-from sixflow.eigenfilters.capture import Captured, capture
 
 WINDOW, RADIUS, PYRAMID_RADIUS, STEP = 31, 80, 128, 16
 SHIFT_ERROR, GRADIENT_ERROR = 0.1, 0.01
@@ -238,7 +238,7 @@ def _show_curves(title: str, curves: Curves) -> None:
 
 def _draw(wide: Curves, deep: Curves, path: Path) -> None:
     """Six panels: success against the size of the motion; the grey range is where `capture` looks."""
-    from sixflow.plot.look import FONT, INK, MASKED_FACE, new_figure, tidy
+    from sixflow.drawing.look import FONT, INK, MASKED_FACE, new_figure, tidy
 
     figure = new_figure(7.6, 4.6)
     axes = figure.subplots(2, 3, sharey=True)

@@ -72,9 +72,9 @@ from operator_tables.karhunen_bases import (
 )
 from sixflow import convention, synth
 from sixflow.convention import SIX
+from sixflow.drawing.look import FONT, INK, SIGNED_MAP, new_figure, tidy
 from sixflow.eigenfilters import default_bank
 from sixflow.eigenfilters.generators import as_generator
-from sixflow.plot.look import FONT, INK, SIGNED_MAP, new_figure, tidy
 
 Array: TypeAlias = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from public_cases.run import CaseResult
 from public_cases.star import ATTENUATED, PERIODS
-from sixflow.plot.look import FONT, INK, new_figure
+from sixflow.drawing.look import FONT, INK, new_figure
 
 WIDTH = 7.6  # inches
 OURS = ("#1b3a57", "#2f7f79", "#c98a2b", "#a23b3b", "#6a4c93", "#4d7c0f", "#d4699e", "#3aa6dd")

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from public_cases.run import CaseResult, Entry
-from sixflow.plot.look import FAILED_FACE, FONT, INK, MASKED_FACE, new_figure
+from sixflow.drawing.look import FAILED_FACE, FONT, INK, MASKED_FACE, new_figure
 from sixflow.plot.view import cell_edges
 
 LIMITS = (1e-3, 1.0)  # px

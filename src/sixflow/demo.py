@@ -28,16 +28,16 @@ import tifffile
 import xarray as xr
 from numpy.typing import NDArray
 
+from sixflow.drawing.look import ARROW, FONT, GLYPH_FACE, INK, REFERENCE, new_figure, tidy
 from sixflow.field.dataset import SIX
 from sixflow.frames import FrameSource, open_frames
 from sixflow.measurement import iterate_sequence, join_fields, measure
 from sixflow.plot import plot_field
-from sixflow.plot.look import ARROW, FONT, GLYPH_FACE, INK, REFERENCE, new_figure, tidy
 from sixflow.settings import Settings
+from sixflow.staging import staged_files
 from sixflow.synth import FrameSequence, LambOseen, Sensor, Speckle, sequence
 from sixflow.synth.motions.base import Motion
 from sixflow.write import write_field
-from sixflow.write.folder import staged_files
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -330,10 +330,7 @@ def _files(frame0: Any, frame1: Any, settings: Settings) -> Recording | None:
 def join_fields(fields: Sequence[xr.Dataset]) -> xr.Dataset:
     """Join fields of one recording along time; what the attributes say of all of them is kept.
 
-    Raises
-    ------
-    InputError
-        If there is none.
+    Raises InputError if there is none.
     """
     if not fields:
         raise InputError("fields: none given; at least one is needed")

@@ -1,10 +1,8 @@
-"""Figures as files: checked before anything is computed, and written whole or not at all."""
+"""Figures as files: checked before anything is computed."""
 
 from __future__ import annotations
 
-import contextlib
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 from sixflow.errors import FieldFileError, InputError
@@ -36,14 +34,3 @@ def check_figure(path: Path, overwrite: bool) -> Path:
     if path.exists() and not overwrite:
         raise FieldFileError(f"{path}: exists already; replace it with --overwrite, or choose another name")
     return path
-
-
-@contextlib.contextmanager
-def staged_figure(path: Path) -> Iterator[Path]:
-    """Give a place to save a figure; it is renamed to `path` when it is complete."""
-    partial = path.with_name(f".{path.stem}.partial-{os.getpid()}{path.suffix}")
-    try:
-        yield partial
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)

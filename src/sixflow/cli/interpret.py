@@ -146,13 +146,7 @@ def _print(field: Path, found: tuple[Interpretation, ...]) -> None:
 
 
 def _numbers(name: str, text: str | None, count: int) -> Any:
-    """Numbers of a flag that are separated by commas.
-
-    Raises
-    ------
-    InputError
-        If they are not so many finite numbers.
-    """
+    """Numbers of a flag that are separated by commas; InputError if they are not so many finite numbers."""
     if text is None:
         return None
     try:

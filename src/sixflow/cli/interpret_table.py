@@ -16,13 +16,7 @@ ERROR = ".standard_error"
 
 
 def checked(path: Path, overwrite: bool) -> Path:
-    """Return where a table can be written.
-
-    Raises
-    ------
-    FieldFileError
-        If it cannot, or is no .csv file.
-    """
+    """Return where a table can be written; FieldFileError if it cannot, or is no .csv file."""
     from sixflow.write import check_output
 
     if path.suffix.lower() != ".csv":
@@ -60,13 +54,13 @@ def print_tables(table: xr.Dataset, name: str) -> None:
 
 def write_csv(table: xr.Dataset, path: Path, overwrite: bool) -> None:
     """Write all columns with their units, in radians, empty where there is no number."""
-    from sixflow.write.target import staged
+    from sixflow.write.target import staged_output
 
     columns = {}
     for name in (*table.coords, *table.data_vars):
         unit = table[name].attrs.get("units", "1")
         columns[f"{name}_{unit}" if unit != "1" else str(name)] = table[name].values.tolist()
-    with staged(path, overwrite) as partial, partial.open("w", encoding="utf-8", newline="\n") as file:
+    with staged_output(path, overwrite) as partial, partial.open("w", encoding="utf-8", newline="\n") as file:
         file.write(",".join(columns) + "\n")
         for row in zip(*columns.values(), strict=True):
             file.write(",".join(_plain(value) for value in row) + "\n")

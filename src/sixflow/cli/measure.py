@@ -199,7 +199,6 @@ def _measure_into(
 
 def _draw_first(job: Job, path: Path) -> None:
     """Draw the field of the first pair, measured once more: a long recording is not read back for it."""
-    from sixflow.cli.figures import staged_figure
     from sixflow.frames import BadFrame
     from sixflow.measurement import iterate_sequence
     from sixflow.plot import plot_field
@@ -207,8 +206,7 @@ def _draw_first(job: Job, path: Path) -> None:
     field = next(iter(iterate_sequence(job.source, **job.options)))
     place = job.schedule.lag if job.settings.reference == "second" else 0
     frame = next(job.source.attempt(place))
-    with staged_figure(path) as partial:
-        plot_field(field, None if isinstance(frame, BadFrame) else frame, path=partial)
+    plot_field(field, None if isinstance(frame, BadFrame) else frame, path=path)
 
 
 def _open_mask(path: Path, bodies: bool, source: FrameSource) -> MaskFile:

@@ -63,7 +63,7 @@ def plot(
     overwrite
         Replace the picture if it exists.
     """
-    from sixflow.cli.figures import check_figure, staged_figure
+    from sixflow.cli.figures import check_figure
     from sixflow.write import open_field
 
     output = check_figure(output, overwrite)
@@ -82,14 +82,14 @@ def plot(
             "title": title,
         }
         background = None if frame is None else _read_frame(frame, shown, time)
-        with _in_flags(units), staged_figure(output) as partial:
+        with _in_flags(units):
             plot_field(
                 shown,
                 background,
                 time=time,
                 y_up=y_up,
                 units=units,
-                path=partial,
+                path=output,
                 standard_errors=standard_errors,
                 **options,
             )
@@ -110,10 +110,7 @@ def _in_flags(units: str) -> Iterator[None]:
 def _read_frame(path: str, field: xr.Dataset, time: int) -> Any:
     """Return the reference frame of a pair from an image, or from the recording that was measured.
 
-    Raises
-    ------
-    InputError
-        If the field has no such pair, or the recording no such frame.
+    Raises InputError if the field has no such pair, or the recording no such frame.
     """
     from sixflow.field.selection import one_pair, reference_of
     from sixflow.frames import open_frames

@@ -83,10 +83,7 @@ else:
 def gather_settings(flags: SettingsOptions | None, file: Path | None) -> Settings:
     """Return the settings: flags win over the file, the file over the defaults.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or a value is out of range.
+    Raises InputError if the file cannot be read, or a value is out of range.
     """
     settings = Settings() if file is None else Settings.from_toml(file.expanduser())
     return settings.replace(**(flags or {}))

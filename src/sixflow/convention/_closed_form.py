@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sixflow.convention._checks import Array
+from sixflow.array_checks import Array
 
 _TERMS = 16  # of the series of φ: at radius ½ the next term is below 1e-17
 _RADIUS = 0.5

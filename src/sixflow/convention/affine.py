@@ -22,15 +22,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import (
-    Array,
-    Invalid,
-    as_floats,
-    refuse,
-    require_broadcast,
-    require_invalid,
-    silent,
-)
+from sixflow.array_checks import Array, Invalid, as_floats, refuse, require_broadcast, require_invalid, silent
 from sixflow.convention._closed_form import (
     apply_pair,
     determinants,

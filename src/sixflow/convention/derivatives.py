@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sixflow.array_checks import Array, as_floats, silent
 from sixflow.convention import affine, principal, strain
 from sixflow.convention import six as six_module
-from sixflow.convention._checks import Array, as_floats, silent
 from sixflow.convention._closed_form import determinants, log_factor
 from sixflow.convention.six import GRADIENT_FROM_SIX, SIX_FROM_GRADIENT, gradient, six_from_gradient
 from sixflow.errors import InputError

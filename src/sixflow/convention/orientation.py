@@ -13,7 +13,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, as_floats, require_broadcast
+from sixflow.array_checks import Array, as_floats, require_broadcast
 
 Y_UP_SIGNS = np.array([1, -1, 1, -1, 1, -1], dtype=np.float32)
 """Signs that take the six from y down to y up, and back. Read-only."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, as_floats, silent
+from sixflow.array_checks import Array, as_floats, silent
 from sixflow.errors import InputError
 
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sixflow.array_checks import Array, as_floats, require_broadcast, silent
 from sixflow.convention import affine, strain
-from sixflow.convention._checks import Array, as_floats, require_broadcast, silent
 from sixflow.convention.derivatives import (
     JACOBIANS,
     OF_GRADIENT,

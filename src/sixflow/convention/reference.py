@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, as_floats, silent
+from sixflow.array_checks import Array, as_floats, silent
 from sixflow.convention._closed_form import apply_pair, determinants
 from sixflow.errors import InputError
 

@@ -29,7 +29,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, Invalid, as_floats, refuse, require_invalid, silent
+from sixflow.array_checks import Array, Invalid, as_floats, refuse, require_invalid, silent
 from sixflow.convention._closed_form import determinants, half_log_determinant, log_factor
 from sixflow.convention.affine import inverse_six
 from sixflow.convention.six import gradient as gradient_of

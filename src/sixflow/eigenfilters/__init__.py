@@ -15,14 +15,11 @@ After R. Eagleson, *Measurement of Motion-Induced Image Deformations*, §§3–5
 | `literal`, `reading`, `combination` | each operator alone: phase over order, and the mean over a family |
 | `joint` | all six numbers at once from the responses of a bank |
 | `pooled` | the same from an array of banks under a window, at points |
-| `warped`, `group_correlation`, `candidates`, `capture` | large motions at points, without a pyramid |
 | `projection`, `array`, `pool`, `passes` | such arrays over whole frames: `measure(..., method="eigenfilter")` |
 | `historical` | operators that came before, to compare with |
 """
 
 from sixflow.eigenfilters.bank import FilterBank as FilterBank
-from sixflow.eigenfilters.capture import Captured as Captured
-from sixflow.eigenfilters.capture import capture as capture
 from sixflow.eigenfilters.combination import Combination as Combination
 from sixflow.eigenfilters.coordinates import CanonicalCoordinates as CanonicalCoordinates
 from sixflow.eigenfilters.coordinates import canonical as canonical

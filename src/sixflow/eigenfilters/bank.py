@@ -233,11 +233,24 @@ class FilterBank:
         FieldFileError
             If the sheet cannot be saved.
         """
-        from sixflow.eigenfilters.picture import (
-            draw_bank,
-        )  # matplotlib is loaded only when a picture is asked for
+        from sixflow.drawing.kernels import (
+            draw_kernels,  # matplotlib is loaded only when a picture is asked for
+        )
 
-        return draw_bank(self, path)
+        captions = [_caption(kernel) for kernel in self.kernels]
+        return draw_kernels(self.matrix.reshape(-1, self.size, self.size), captions, path)
+
+
+def _caption(kernel: Kernel) -> str:
+    """The two generators of a kernel with its orders, in the notation of the paper."""
+    parts = zip(kernel.generators, kernel.orders, strict=True)
+    return ", ".join(rf"$\mathcal{{L}}_{name.replace('L_', '')}$ {_short(order)}" for name, order in parts)
+
+
+def _short(value: float) -> str:
+    value = value if abs(value) > 5e-3 else 0.0
+    text = f"{value:.2g}" if abs(value) < 9.95 else f"{value:.0f}"
+    return text.replace("-", "−")
 
 
 class _Covariance(NamedTuple):

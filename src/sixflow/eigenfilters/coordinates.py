@@ -36,7 +36,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, as_floats, require_broadcast, silent
+from sixflow.array_checks import Array, as_floats, require_broadcast, silent
 from sixflow.convention.six import GENERATOR_NAMES
 from sixflow.eigenfilters.generators import (
     L_B,
@@ -282,10 +282,6 @@ def canonical(first: GeneratorLike, second: GeneratorLike) -> CanonicalCoordinat
     ----------
     first, second : Generator or str
         (L_x, L_y), (L_s, L_r), (L_b, L_s) or (L_B, L_s), as objects, symbols ("L_s") or names ("divergence").
-
-    Returns
-    -------
-    CanonicalCoordinates
 
     Raises
     ------

@@ -69,10 +69,6 @@ def correlation_surface(map0: xr.DataArray, map1: xr.DataArray) -> Correlation:
     map0, map1 : DataArray, dims (eta, xi) or (sector, eta, xi)
         From `log_polar_map` or `hyperbolic_map`, on the same axes, without NaN.
 
-    Returns
-    -------
-    Correlation
-
     Raises
     ------
     InputError

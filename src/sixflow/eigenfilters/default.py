@@ -20,11 +20,11 @@ from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from sixflow.checks import is_number, require
 from sixflow.eigenfilters.bank import FilterBank
 from sixflow.eigenfilters.kernel import Kernel
 from sixflow.eigenfilters.kernels import Gabor, Hyperbolic, Spiral
 from sixflow.engine.window import window_sigma
-from sixflow.errors import InputError
 
 Family: TypeAlias = Literal["gabor", "spiral", "hyperbolic"]
 
@@ -75,14 +75,14 @@ def default_bank(
     >>> len(default_bank(31, ["gabor"]))
     20
     """
-    _require(
-        _is_number(window) and 5 <= window <= 400, "window", window, "must be 5 to 400 px; 31 is a good start"
+    require(
+        is_number(window) and 5 <= window <= 400, "window", window, "must be 5 to 400 px; 31 is a good start"
     )
     families = (
         (kernels,) if isinstance(kernels, str) else tuple(kernels) if isinstance(kernels, Iterable) else ()
     )
     wanted = f"must be one or more of {', '.join(get_args(Family))}"
-    _require(bool(families) and set(families) <= set(get_args(Family)), "kernels", kernels, wanted)
+    require(bool(families) and set(families) <= set(get_args(Family)), "kernels", kernels, wanted)
     shortest, longest = _two_lengths(wavelengths)
     sigma = window_sigma(window)
     low = max(2 * math.pi / longest, min(1.5 / sigma, 1.2))
@@ -126,8 +126,8 @@ def array_spacing(window: float) -> int:
 
 def _array_window(window: float) -> float:
     """Window of the bank that an array for a window is made of, px."""
-    _require(
-        _is_number(window) and SMALLEST_ARRAY <= window <= 1e6,
+    require(
+        is_number(window) and SMALLEST_ARRAY <= window <= 1e6,
         "window",
         window,
         f"an array of operators needs a window of at least {SMALLEST_ARRAY} px; widen it",
@@ -185,16 +185,6 @@ def _centre(ring: float) -> float:
 def _two_lengths(wavelengths: Any) -> tuple[float, float]:
     wanted = "must be two lengths in px, 2.5 ≤ shortest < longest, such as (7.0, 21.0)"
     values = tuple(wavelengths) if isinstance(wavelengths, Iterable) else ()
-    good = len(values) == 2 and all(_is_number(value) for value in values)
-    _require(good and 2.5 <= values[0] < values[1], "wavelengths", wavelengths, wanted)
+    good = len(values) == 2 and all(is_number(value) for value in values)
+    require(good and 2.5 <= values[0] < values[1], "wavelengths", wavelengths, wanted)
     return float(values[0]), float(values[1])
-
-
-def _is_number(value: object) -> bool:
-    real = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    return real and math.isfinite(value)  # type: ignore[arg-type]
-
-
-def _require(condition: bool, name: str, value: object, remedy: str) -> None:
-    if not condition:
-        raise InputError(f"{name}={value!r}: {remedy}")

@@ -33,7 +33,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, as_floats, require_broadcast, silent
+from sixflow.array_checks import Array, as_floats, require_broadcast, silent
 from sixflow.convention.affine import SIX_PER_COEFFICIENT, six_from_coefficients
 from sixflow.convention.six import GENERATOR_NAMES, GENERATORS, SIX, gradient, six_from_algebra
 from sixflow.errors import InputError

@@ -16,9 +16,9 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.checks import is_whole, require
 from sixflow.eigenfilters.coordinates import canonical
 from sixflow.eigenfilters.generators import Generator, as_generator
-from sixflow.errors import InputError
 
 Real: TypeAlias = NDArray[np.float64]
 
@@ -85,14 +85,7 @@ def patch(radius: int) -> tuple[Real, Real]:
 
 
 def require_radius(radius: Any) -> int:
-    """Return a radius of a patch as an int.
-
-    Raises
-    ------
-    InputError
-        If it is no whole number from 1 to 512.
-    """
-    whole = isinstance(radius, int | np.integer) and not isinstance(radius, bool)
-    if not (whole and 1 <= radius <= LARGEST_RADIUS):
-        raise InputError(f"radius={radius!r}: must be a whole number of px from 1 to {LARGEST_RADIUS}")
+    """Return a radius of a patch as an int; InputError if it is no whole number from 1 to 512."""
+    wanted = f"must be a whole number of px from 1 to {LARGEST_RADIUS}"
+    require(is_whole(radius, 1, LARGEST_RADIUS), "radius", radius, wanted)
     return int(radius)

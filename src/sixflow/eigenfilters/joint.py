@@ -126,10 +126,6 @@ class JointOperator:
         still, moved : arrays, shape (points, n²)
             Of the bank's size, row by row. Each moved patch may have been warped by a map of its own.
 
-        Returns
-        -------
-        JointEstimate
-
         Raises
         ------
         InputError

@@ -18,6 +18,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from sixflow.checks import is_whole, number, require
 from sixflow.eigenfilters.coordinates import canonical
 from sixflow.eigenfilters.geometry import Geometry, Real
 from sixflow.eigenfilters.kernel import Kernel
@@ -152,11 +153,8 @@ class Spiral(Kernel):
 
     def __post_init__(self) -> None:
         _number(self, "radial")
-        whole = isinstance(self.angular, int | np.integer) and not isinstance(self.angular, bool)
-        if not whole:
-            raise InputError(
-                f"angular={self.angular!r}: must be a whole number, so that the kernel is continuous"
-            )
+        remedy = "must be a whole number, so that the kernel is continuous"
+        require(is_whole(self.angular), "angular", self.angular, remedy)
         object.__setattr__(self, "angular", int(self.angular))
         _number(self, "scale", least=1.0, unit="px")
         _require_orders(self, ("radial", self.radial), ("angular", self.angular))
@@ -294,20 +292,9 @@ class Hyperbolic(Kernel):
         return np.where(sector < 0, 0.0, np.array(self.signs, np.float64)[sector])
 
 
-def _number(
-    kernel: Any, name: str, *, least: float | None = None, most: float | None = None, unit: str = ""
-) -> None:
-    """Make an attribute a finite float within its range, or raise InputError."""
-    value = getattr(kernel, name)
-    wanted = "must be a finite number" + (f" of {unit}" if unit else "")
-    wanted += f" of at least {least:g}" if least is not None else ""
-    wanted += f" and at most {most:.4g}" if most is not None else ""
-    real = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
-    if not (real and math.isfinite(value)):
-        raise InputError(f"{name}={value!r}: {wanted}")
-    if (least is not None and value < least) or (most is not None and value > most):
-        raise InputError(f"{name}={value!r}: {wanted}")
-    object.__setattr__(kernel, name, float(value) + 0.0)
+def _number(kernel: Any, name: str, *, unit: str = "", **limits: float) -> None:
+    """Make an attribute a finite float within its range (`sixflow.checks.number`), −0 as 0."""
+    object.__setattr__(kernel, name, number(name, getattr(kernel, name), unit=unit, **limits) + 0.0)
 
 
 def _check_window(kernel: Spiral | Hyperbolic) -> None:

@@ -53,6 +53,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.checks import number
 from sixflow.convention.six import GENERATOR_NAMES
 from sixflow.eigenfilters.bank import FilterBank
 from sixflow.eigenfilters.geometry import Real
@@ -61,7 +62,6 @@ from sixflow.eigenfilters.patches import finite_frame, patch_blocks
 from sixflow.eigenfilters.reading import LiteralEstimate, orders_of
 from sixflow.eigenfilters.temporal import TemporalKind, temporal_weights
 from sixflow.errors import InputError
-from sixflow.synth.check import number
 
 
 class _Reading(NamedTuple):

@@ -55,10 +55,7 @@ def require_patch(shape: tuple[int, ...], radius: int) -> None:
 def reflected(frame: NDArray[Any], radius: int, dtype: type[np.floating[Any]] = np.float64) -> NDArray[Any]:
     """A frame with `radius` more pixels on every side, continued by reflection; shape (height + 2 radius, …).
 
-    Raises
-    ------
-    InputError
-        If the patch is larger than the frame.
+    Raises InputError if the patch is larger than the frame.
     """
     require_patch(frame.shape, radius)
     return np.pad(frame.astype(dtype), radius, mode="reflect")
@@ -131,10 +128,7 @@ def _blocks(
 def pixels(name: str, values: ArrayLike, size: int) -> NDArray[np.intp]:
     """Coordinates of points as indices of pixels along an axis of `size` pixels.
 
-    Raises
-    ------
-    InputError
-        If they are no whole numbers from 0 to size − 1, shape (points,).
+    Raises InputError if they are no whole numbers from 0 to size − 1, shape (points,).
     """
     array = np.asarray(values)
     if array.ndim != 1 or array.dtype.kind not in "iuf":

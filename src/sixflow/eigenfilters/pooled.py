@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.checks import is_whole, require
 from sixflow.convention.six import GENERATORS
 from sixflow.eigenfilters.array import excess_share, gradient_factor
 from sixflow.eigenfilters.bank import FilterBank
@@ -176,10 +177,6 @@ class PooledOperator:
         counted : bool array of the same shape
             Positions whose operator sees a pixel where it is False are left out.
 
-        Returns
-        -------
-        JointEstimate
-
         Raises
         ------
         InputError
@@ -277,11 +274,8 @@ class PooledOperator:
 
 
 def _require_spacing(spacing: Any, usual: int) -> int:
-    whole = isinstance(spacing, int | np.integer) and not isinstance(spacing, bool)
-    if not (whole and spacing >= 1):
-        raise InputError(
-            f"spacing={spacing!r}: must be a whole number of px, at least 1; {usual} suits the window"
-        )
+    wanted = f"must be a whole number of px, at least 1; {usual} suits the window"
+    require(is_whole(spacing, 1), "spacing", spacing, wanted)
     return int(spacing)
 
 

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import fft
 
+from sixflow.checks import whole
 from sixflow.eigenfilters.bank import FilterBank
 from sixflow.eigenfilters.kernel import Complex
 from sixflow.eigenfilters.patches import finite_frame, patch_blocks, reflected, require_patch
@@ -35,7 +36,6 @@ from sixflow.engine.threads import worker_count
 from sixflow.errors import InputError
 from sixflow.maps.grid import Grid
 from sixflow.prepare.frame import NO_MASK, Frame
-from sixflow.synth.check import whole
 
 
 def respond(bank: FilterBank, frame: ArrayLike, x: ArrayLike, y: ArrayLike) -> Complex:

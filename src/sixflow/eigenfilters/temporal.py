@@ -18,11 +18,12 @@ applied to responses, or to the frames before the kernels, which is the same: bo
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.checks import is_whole, require
 from sixflow.errors import InputError
 
 TemporalKind: TypeAlias = Literal["centred", "causal"]
@@ -76,9 +77,12 @@ def temporal_weights(frames: int, kind: TemporalKind = "centred") -> TemporalWei
     >>> temporal_weights(2).derivative, temporal_weights(3, "causal").value.round(3)
     (array([-1.,  1.]), array([-0.167,  0.333,  0.833]))
     """
-    whole: Any = isinstance(frames, int | np.integer) and not isinstance(frames, bool)
-    if not (whole and 2 <= frames <= 1024):
-        raise InputError(f"frames={frames!r}: must be a whole number from 2 to 1024; a derivative needs two")
+    require(
+        is_whole(frames, 2, 1024),
+        "frames",
+        frames,
+        "must be a whole number from 2 to 1024; a derivative needs two",
+    )
     if kind not in get_args(TemporalKind):
         raise InputError(f"kind={kind!r}: must be 'centred' or 'causal'")
     times = np.arange(frames, dtype=np.float64)

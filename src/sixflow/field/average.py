@@ -26,10 +26,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sixflow.checks import shown
 from sixflow.errors import InputError
 from sixflow.field.dataset import SIX
 from sixflow.field.selection import valid, whole_flags
-from sixflow.settings.values import shown
 
 Array = NDArray[Any]
 

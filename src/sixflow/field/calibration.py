@@ -10,10 +10,10 @@ from typing import Any
 
 import xarray as xr
 
+from sixflow.checks import shown
 from sixflow.errors import InputError
 from sixflow.field.interval import Elapsed, positive, require_seconds, with_frame_interval, with_settings
 from sixflow.field.selection import stored_settings
-from sixflow.settings.values import shown
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,10 +38,7 @@ class Calibration:
     def of(cls, field: xr.Dataset) -> Calibration:
         """Take it from the settings and the times of the field.
 
-        Raises
-        ------
-        InputError
-            If something is unknown, or is no positive number.
+        Raises InputError if something is unknown, or is no positive number.
         """
         stored = stored_settings(field)
         size = stored.get("pixel_size")

@@ -19,10 +19,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sixflow.checks import A_SCALE, is_scale, plain, shown
 from sixflow.errors import InputError
 from sixflow.field.selection import stored_settings
 from sixflow.frames.times import AGREEMENT
-from sixflow.settings.values import A_SCALE, is_scale, plain, shown
 
 VARIES = "varies"
 """What the attribute `interval` says of pairs that do not all have the same."""
@@ -154,13 +154,7 @@ def with_frame_interval(field: xr.Dataset, frame_interval: float) -> xr.Dataset:
 
 
 def require_seconds(field: xr.Dataset) -> Elapsed:
-    """Return the time between the two frames of each pair, s.
-
-    Raises
-    ------
-    InputError
-        If it is unknown.
-    """
+    """Return the time between the two frames of each pair, s; InputError if it is unknown."""
     known = elapsed(field)
     if known.unit != "s":
         raise InputError(
@@ -171,13 +165,7 @@ def require_seconds(field: xr.Dataset) -> Elapsed:
 
 
 def positive(name: str, value: Any) -> float:
-    """Return a positive number.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
+    """Return a positive number; InputError if it is none."""
     value = plain(value)
     if not is_scale(value):
         raise InputError(f"{name}={shown(value)}: must be {A_SCALE}")

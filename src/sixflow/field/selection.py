@@ -11,21 +11,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sixflow.checks import is_number, plain, shown
 from sixflow.convention.reference import SHARE
 from sixflow.errors import InputError
 from sixflow.field.dataset import FAILING, FLAGS, SIX
 from sixflow.settings import WIDEST, Settings
-from sixflow.settings.values import is_number, plain, shown
 
 
 def require_field(field: object, name: str = "field") -> xr.Dataset:
-    """Return `field` if it is a dataset with the six numbers over y and x.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
+    """Return `field` if it is a dataset with the six numbers over y and x; InputError if it is not."""
     if not isinstance(field, xr.Dataset):
         raise InputError(
             f"{name} is a {type(field).__name__}: give the xarray.Dataset that a measurement returns"
@@ -44,13 +38,7 @@ def require_field(field: object, name: str = "field") -> xr.Dataset:
 
 
 def require_variable(field: xr.Dataset, name: str) -> xr.DataArray:
-    """Return a variable of the field.
-
-    Raises
-    ------
-    InputError
-        If the field has lost it.
-    """
+    """Return a variable of the field; InputError if the field has lost it."""
     if name not in field:
         raise InputError(f"the field has no variable {name!r}: use the dataset as it was measured or read")
     return field[name]
@@ -89,10 +77,7 @@ def one_pair(field: xr.Dataset, time: int) -> xr.Dataset:
 def frame_shape(field: xr.Dataset) -> tuple[int, int]:
     """Height and width of the frames, px.
 
-    Raises
-    ------
-    InputError
-        If the attribute frame_shape is missing or is not two positive whole numbers.
+    Raises InputError if the attribute frame_shape is missing or is not two positive whole numbers.
     """
     asked = field.attrs.get("frame_shape")
     sides = [plain(side) for side in asked] if isinstance(asked, list | tuple | np.ndarray) else []
@@ -108,10 +93,7 @@ def frame_shape(field: xr.Dataset) -> tuple[int, int]:
 def stored_settings(field: xr.Dataset) -> dict[str, Any]:
     """Return the settings in the attributes of a field; an empty mapping where there are none.
 
-    Raises
-    ------
-    InputError
-        If the attribute is not a JSON object, or holds a value that the setting cannot have.
+    Raises InputError if the attribute is not a JSON object, or holds a value that the setting cannot have.
     """
     text = field.attrs.get("settings", "{}")
     try:
@@ -131,10 +113,7 @@ def stored_settings(field: xr.Dataset) -> dict[str, Any]:
 def reference_of(field: xr.Dataset) -> str:
     """Frame that the points of a field lie in: "first", "middle" or "second".
 
-    Raises
-    ------
-    InputError
-        If the settings of the field say something else.
+    Raises InputError if the settings of the field say something else.
     """
     reference = stored_settings(field).get("reference", "first")
     if reference not in SHARE:
@@ -145,13 +124,7 @@ def reference_of(field: xr.Dataset) -> str:
 
 
 def flagged(field: xr.Dataset, name: str) -> xr.DataArray:
-    """Return where a flag is set, bool.
-
-    Raises
-    ------
-    InputError
-        If there is no flag of this name.
-    """
+    """Return where a flag is set, bool; InputError if there is no flag of this name."""
     if name not in FLAGS:
         raise InputError(f"flag {name!r}: there is no such flag; there are {', '.join(FLAGS)}")
     found = (whole_flags(field) & FLAGS[name]) != 0
@@ -161,11 +134,8 @@ def flagged(field: xr.Dataset, name: str) -> xr.DataArray:
 def whole_flags(field: xr.Dataset) -> xr.DataArray:
     """Return the flags as whole numbers.
 
-    Raises
-    ------
-    InputError
-        If there are none, or they have been averaged, added or filled, by which they became fractions or larger
-        numbers: the bits are lost, and the covariance is none of what the numbers are now.
+    Raises InputError if there are none, or they have been averaged, added or filled, by which they became
+    fractions or larger numbers: the bits are lost, and the covariance is none of what the numbers are now.
     """
     flag = require_variable(field, "flag")
     if flag.dtype.kind not in "iu" or (flag.dtype.kind == "u" and flag.dtype.itemsize > 2):
@@ -180,10 +150,7 @@ def whole_flags(field: xr.Dataset) -> xr.DataArray:
 def valid(field: xr.Dataset) -> xr.DataArray:
     """Return where all six numbers stand: none is NaN, each has a variance, and no failing flag is set; bool.
 
-    Raises
-    ------
-    InputError
-        If the flags are no flags any more (`whole_flags`).
+    Raises InputError if the flags are no flags any more (`whole_flags`).
     """
     known = xr.ones_like(field["u"], dtype=bool)
     for name in SIX:

@@ -76,10 +76,7 @@ class Choice:
 def pick(value: int | str, axis: Axis, argument: str, name: str) -> int:
     """Return the number that an argument names along an axis.
 
-    Raises
-    ------
-    InputError
-        If there is no such number or name.
+    Raises InputError if there is no such number or name.
     """
     if isinstance(value, str):
         same = [number for number in axis.numbers if number < len(axis.names) and axis.names[number] == value]
@@ -162,10 +159,7 @@ def _remedy(left: Sequence[Axis]) -> str:
 def refuse_choices(selection: Selection, name: str, applied: Sequence[str] = ()) -> None:
     """Refuse a choice in a file that has nothing to choose from: only number 0 is there.
 
-    Raises
-    ------
-    InputError
-        If a channel, slice or position other than 0 was chosen that is not among `applied`.
+    Raises InputError if a channel, slice or position other than 0 was chosen that is not among `applied`.
     """
     for argument in ARGUMENTS.values():
         value = getattr(selection, argument)

@@ -62,13 +62,7 @@ class Packet:
 
 @contextlib.contextmanager
 def opened(path: Path) -> Iterator[Any]:
-    """Open a video file.
-
-    Raises
-    ------
-    FrameFileError
-        If it cannot be opened.
-    """
+    """Open a video file; FrameFileError if it cannot be opened."""
     try:
         container = av.open(str(path), mode="r", metadata_errors="replace")
     except (*_FOREIGN, LookupError, OSError) as error:
@@ -83,10 +77,7 @@ def opened(path: Path) -> Iterator[Any]:
 def video_stream(container: Any, path: Path) -> Any:
     """Return the first video stream that is no cover picture.
 
-    Raises
-    ------
-    FrameFileError
-        If there is none, its codec is unknown, or its pictures are larger than the limit.
+    Raises FrameFileError if there is none, its codec is unknown, or its pictures are larger than the limit.
     """
     for stream in container.streams.video:
         if stream.disposition & stream.disposition.attached_pic:

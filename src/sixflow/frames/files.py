@@ -241,10 +241,7 @@ class FileSource(FrameSource):
     def _one(self, number: int) -> Array:
         """Read one frame of images or stacks.
 
-        Raises
-        ------
-        InputError
-            If the source is a video, whose frames depend on earlier ones.
+        Raises InputError if the source is a video, whose frames depend on earlier ones.
         """
         if self._found.format.is_video:
             raise InputError(

@@ -85,11 +85,8 @@ class ImageFile(FrameFile):
     def read(self, start: int = 0) -> Iterator[Array]:
         """Yield the frame.
 
-        Raises
-        ------
-        FrameFileError
-            If the file is damaged, cut short, larger than the limit, holds several pictures, or is not of the kind
-            that its suffix tells.
+        Raises FrameFileError if the file is damaged, cut short, larger than the limit, holds several
+        pictures, or is not of the kind that its suffix tells.
         """
         if start > 0:
             return

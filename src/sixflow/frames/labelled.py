@@ -108,10 +108,7 @@ def codes_of_names(dims: Sequence[str], shape: Sequence[int], name: str) -> tupl
 def codes_of_shape(shape: Sequence[int], name: str) -> tuple[str, ...]:
     """Return the codes of axes without names: (h, w), (h, w, c), (n, h, w) or (n, h, w, c), c at most 4.
 
-    Raises
-    ------
-    InputError
-        If the shape is none of these.
+    Raises InputError if the shape is none of these.
     """
     if len(shape) == 2:
         return "Y", "X"

@@ -59,10 +59,6 @@ def open_frames(
     every : int
         Take every so many frames.
 
-    Returns
-    -------
-    FrameSource
-
     Raises
     ------
     FrameFileError

@@ -63,10 +63,7 @@ class Packets:
 def read_packets(path: Path) -> Packets:
     """Read the packets of a video file once.
 
-    Raises
-    ------
-    FrameFileError
-        If the file is no video, holds no video stream, or no frames.
+    Raises FrameFileError if the file is no video, holds no video stream, or no frames.
     """
     with opened(path) as container:
         stream = video_stream(container, path)

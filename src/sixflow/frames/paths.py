@@ -46,10 +46,8 @@ class FoundFiles:
 def find_files(source: Path | Sequence[Path]) -> FoundFiles:
     """Return the files of frames that `source` stands for.
 
-    Raises
-    ------
-    FrameFileError
-        If nothing is there, nothing readable is there, or files of different formats are mixed.
+    Raises FrameFileError if nothing is there, nothing readable is there, or files of different formats are
+    mixed.
     """
     if not isinstance(source, Path):
         if not source:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 
+from sixflow.checks import is_whole, require
 from sixflow.errors import InputError
 
 
@@ -56,8 +57,7 @@ class Selection:
             named = name in ("channel", "z", "position") and isinstance(value, str)
             if (value is None and name != "every") or named:
                 continue
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise InputError(f"{name}={value!r}: must be a whole number, at least {least}")
+            require(is_whole(value, least), name, value, f"must be a whole number, at least {least}")
         if self.first is not None and self.last is not None and self.last < self.first:
             raise InputError(f"last={self.last}: comes before first={self.first}; exchange them")
 

@@ -89,10 +89,7 @@ class VideoFile(FrameFile):
     def read(self, start: int = 0) -> Iterator[Array | BadFrame]:
         """Yield the frames from number `start` on; earlier ones are decoded and dropped.
 
-        Raises
-        ------
-        FrameFileError
-            If the file is no video, or holds no video stream or frames.
+        Raises FrameFileError if the file is no video, or holds no video stream or frames.
         """
         for number, (frame, damage) in enumerate(frames_as_shown(self.path, self._packets)):
             if number < start:

@@ -23,9 +23,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from sixflow.drawing.look import GLYPH_FACE, INK, new_figure
 from sixflow.eigenfilters.generators import L_B, Generator, L_b, L_r, L_s, L_x, L_y
 from sixflow.gallery.look import AFTER, BEFORE, PRINTED, WIDTH, Real, plane
-from sixflow.plot.look import GLYPH_FACE, INK, new_figure
 
 TAU = 0.25
 """Of the deformations of figure 1: its four numbers are 2τ = 0.5."""

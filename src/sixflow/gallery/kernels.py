@@ -22,11 +22,11 @@ from matplotlib.colors import AsinhNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from sixflow.drawing.look import FONT, INK, MASKED_EDGE, MASKED_FACE, REFERENCE, new_figure, nice_below
 from sixflow.eigenfilters.coordinates import canonical
 from sixflow.eigenfilters.kernel import Complex, Kernel
 from sixflow.eigenfilters.kernels import Gabor, Hyperbolic, Spiral
 from sixflow.gallery.look import WIDTH, Real, plane, signed_map
-from sixflow.plot.look import FONT, INK, MASKED_EDGE, MASKED_FACE, REFERENCE, new_figure, nice_below
 
 CELLS = (478, 480)
 """Points along the height and the width of a panel where a function of real x and y is evaluated. Both numbers are even

@@ -22,7 +22,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, ListedColormap
 from numpy.typing import ArrayLike, NDArray
 
-from sixflow.plot.look import ARROW, REFERENCE, tidy
+from sixflow.drawing.look import ARROW, REFERENCE, tidy
 
 Real = NDArray[np.float64]
 

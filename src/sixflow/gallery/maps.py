@@ -26,6 +26,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from sixflow.convention.affine import six_from_coefficients
+from sixflow.drawing.look import FONT, INK, new_figure, tidy
 from sixflow.eigenfilters import (
     CanonicalCoordinates,
     Correlation,
@@ -36,7 +37,6 @@ from sixflow.eigenfilters import (
 )
 from sixflow.eigenfilters.generators import as_generator
 from sixflow.gallery.look import POINTS, WIDTH, Real, plane
-from sixflow.plot.look import FONT, INK, new_figure, tidy
 from sixflow.synth import Affine, Speckle, pair
 
 HALF = 48  # px: frames of 97 × 97

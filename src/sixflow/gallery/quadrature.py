@@ -26,10 +26,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sixflow.drawing.look import FONT, INK, new_figure, tidy
 from sixflow.eigenfilters.kernel import Complex
 from sixflow.eigenfilters.kernels import Gabor
 from sixflow.gallery.look import BEFORE, EVEN, ODD, POINTS, WIDTH, Real
-from sixflow.plot.look import FONT, INK, new_figure, tidy
 from sixflow.synth import Grating, Pattern, Texture
 
 WAVELENGTH, SIGMA, RADIUS = 16.0, 5.6, 28  # px

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from sixflow.errors import InputError
 from sixflow.gallery.catalogue import CATALOGUE
 from sixflow.gallery.page import make_page
-from sixflow.write.folder import staged_files
+from sixflow.staging import staged_files
 
 PictureFormat: TypeAlias = Literal["png", "svg", "pdf"]
 

@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sixflow import convention
+from sixflow.array_checks import Array, Invalid, silent
 from sixflow.convention import GENERATORS
-from sixflow.convention._checks import Array, Invalid, silent
 from sixflow.errors import InputError
 from sixflow.groups.algebra import LAST_ROW, place
 from sixflow.groups.generators import NUMBER_PER_COEFFICIENT, SYMBOLS

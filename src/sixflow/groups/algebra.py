@@ -21,7 +21,7 @@ import functools
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, as_floats, require_broadcast, silent
+from sixflow.array_checks import Array, as_floats, require_broadcast, silent
 from sixflow.errors import InputError
 from sixflow.groups.generators import NAMES, SYMBOLS, constant, eight_coefficients
 

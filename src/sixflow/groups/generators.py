@@ -29,8 +29,8 @@ from typing import Any
 
 import numpy as np
 
+from sixflow.array_checks import Array
 from sixflow.convention import GENERATOR_NAMES, GENERATORS, SIX
-from sixflow.convention._checks import Array
 from sixflow.convention.affine import SIX_PER_COEFFICIENT
 
 NAMES = (*SIX, "fanning_x", "fanning_y")

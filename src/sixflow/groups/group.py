@@ -25,7 +25,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, Invalid, refuse, require_broadcast, require_invalid, silent
+from sixflow.array_checks import Array, Invalid, refuse, require_broadcast, require_invalid, silent
 from sixflow.errors import InputError
 from sixflow.groups.algebra import TOLERANCE, Algebra, as_points, matrices, place
 from sixflow.groups.generators import constant, eight_coefficients

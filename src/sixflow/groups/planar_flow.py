@@ -18,8 +18,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sixflow.array_checks import Array, as_floats, silent
 from sixflow.convention import GRADIENT_FROM_SIX, SIX_FROM_GRADIENT
-from sixflow.convention._checks import Array, as_floats, silent
 from sixflow.errors import InputError
 from sixflow.groups.generators import NUMBER_PER_COEFFICIENT, constant
 from sixflow.groups.projective import PROJECTIVE

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sixflow import convention
-from sixflow.convention._checks import Array, Invalid, silent
+from sixflow.array_checks import Array, Invalid, silent
 from sixflow.groups.affine import ROUNDING, log_six, no_logarithm
 from sixflow.groups.generators import TRACELESS, eight_coefficients
 from sixflow.groups.group import Group

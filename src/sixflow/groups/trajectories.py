@@ -22,13 +22,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, Invalid, as_floats, require_broadcast
+from sixflow.array_checks import Array, Invalid, as_floats, require_broadcast
 from sixflow.errors import InputError
 from sixflow.groups.algebra import as_points
 from sixflow.groups.group import Group
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_GRID = np.linspace(-0.75, 0.75, 7)
+_DISTANCE = 0.22  # median length of the blue paths, in half sides of the square
 
 
 def trajectory(
@@ -122,6 +125,39 @@ def draw_trajectories(
     if not isinstance(group, Group):
         raise InputError(f"group={group!r}: must be a group, such as sixflow.groups.get('affine')")
     motions = np.eye(group.dimension) if coefficients is None else group.vector("coefficients", coefficients)
-    from sixflow.groups.picture import draw  # matplotlib is loaded only when a picture is asked for
+    motions = np.atleast_2d(motions)
+    if (
+        motions.ndim > 2
+        or not len(motions)
+        or not (np.isfinite(motions).all() and motions.any(axis=-1).all())
+    ):
+        raise InputError(
+            f"coefficients of shape {motions.shape}: must be one or more rows of {group.dimension} finite numbers, not "
+            "all zero"
+        )
+    # matplotlib is loaded only when a picture is asked for
+    from sixflow.drawing.trajectories import Panel, draw_panels
 
-    return draw(group, motions, path)
+    return draw_panels([Panel(*_panel(group, motion)) for motion in motions], path)
+
+
+def _panel(group: Group, motion: Array) -> tuple[Array, Array, Array, str]:
+    """Points, their whole trajectories, their displacement over a short time τ, and the title with that time."""
+    points = np.stack(np.meshgrid(_GRID, _GRID), axis=-1).reshape(-1, 2)
+    speed = np.hypot(*group.field(motion, points).T)
+    moving = speed > 1e-9 * speed.max()
+    points, median = points[moving], float(np.median(speed[moving]))
+    time = float(f"{_DISTANCE / median:.1g}")
+    orbits = trajectory(group, motion, points, np.linspace(-4, 4, 801) / median, invalid="nan")
+    paths = trajectory(group, motion, points, np.linspace(0, time, 25), invalid="nan")
+    return points, orbits, paths, f"{_formula(group, motion)}, τ = {time:g}"
+
+
+def _formula(group: Group, motion: Array) -> str:
+    """Write a motion as a sum of generators; a single one with its name."""
+    terms = [(value, symbol[2:]) for value, symbol in zip(motion, group.symbols, strict=True) if value]
+    if len(terms) == 1 and terms[0][0] == 1:
+        name = group.names[int(motion.argmax())].replace("_", " ")
+        return rf"$\mathcal{{L}}_{{{terms[0][1]}}}$ {name}"
+    signed = [rf"{value:+.2g}\,\mathcal{{L}}_{{{index}}}" for value, index in terms]
+    return f"${''.join(signed).removeprefix('+')}$"

@@ -35,7 +35,7 @@ from sixflow.interpretation.estimate import Clock, Estimate, Interpretation, dis
 from sixflow.interpretation.region import RegionFit, require_fit
 from sixflow.interpretation.sight import Sight, look_at, scene_direction, scene_rotation
 from sixflow.scenes import Camera
-from sixflow.scenes._checks import Of, require_of
+from sixflow.scenes.arguments import Of, require_of
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -93,10 +93,6 @@ def time_to_contact(
         Corrects for the slant too, by the direction of the displacement that is left.
     of : "camera" or "object"
         Whose heading and rotation they are.
-
-    Returns
-    -------
-    TimeToContact
 
     Raises
     ------

@@ -26,7 +26,7 @@ from sixflow.interpretation.interval import excess_of_mean
 from sixflow.interpretation.least_squares import Agreement, Whitened
 from sixflow.interpretation.region import RegionFit, require_fit
 from sixflow.scenes import Camera, Plane, RigidMotion
-from sixflow.scenes._checks import require_kind
+from sixflow.scenes.arguments import require_kind
 from sixflow.scenes.flow import coefficients_from_matrix
 from sixflow.scenes.rotation import skew
 
@@ -89,10 +89,6 @@ def ego_motion(fit: RegionFit, camera: Camera, plane: Plane, *, length_unit: str
         distance is not known, take 1: translations are then in distances.
     length_unit : str
         Of the plane's distance.
-
-    Returns
-    -------
-    EgoMotion
 
     Raises
     ------

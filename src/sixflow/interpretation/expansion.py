@@ -31,7 +31,7 @@ from sixflow.interpretation.least_squares import Agreement, Whitened
 from sixflow.interpretation.region import RegionFit, require_fit
 from sixflow.interpretation.sight import scene_rotation
 from sixflow.scenes import Camera, Eight, planar_structure
-from sixflow.scenes._checks import require_kind
+from sixflow.scenes.arguments import require_kind
 from sixflow.scenes.flow import coefficients_from_matrix
 from sixflow.scenes.rotation import skew
 
@@ -80,10 +80,6 @@ def focus_of_expansion(
     camera : Camera
     rotation : (X, Y, Z)
         Of the camera, rad/s if the fit knows the frame interval, else per frame interval; none by default.
-
-    Returns
-    -------
-    FocusOfExpansion
 
     Raises
     ------

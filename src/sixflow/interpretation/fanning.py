@@ -55,10 +55,6 @@ def fanning(fit: RegionFit) -> Fanning:
     fit : RegionFit
         Of the eight.
 
-    Returns
-    -------
-    Fanning
-
     Raises
     ------
     InputError

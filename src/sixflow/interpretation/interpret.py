@@ -17,7 +17,7 @@ from sixflow.interpretation.rotation import axis_rotation
 from sixflow.interpretation.slant import slant_and_tilt
 from sixflow.interpretation.structure import plane_and_motion
 from sixflow.scenes import Camera, Plane
-from sixflow.scenes._checks import Of, require_kind, require_of
+from sixflow.scenes.arguments import Of, require_kind, require_of
 
 
 def interpret(

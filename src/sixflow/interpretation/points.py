@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sixflow.checks import numbers
 from sixflow.engine.lowpass import lowpass_noise
 from sixflow.engine.spline import DEGREE, gradient_noise
 from sixflow.engine.warp import DERIVATIVE
@@ -27,7 +28,6 @@ from sixflow.field.selection import (
     valid,
 )
 from sixflow.plan import SHARPEN
-from sixflow.scenes._checks import numbers
 
 Array = NDArray[Any]
 Region = tuple[float, float, float, float]

@@ -31,6 +31,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.checks import number, require
 from sixflow.errors import InputError, MeasurementError
 from sixflow.field.calibration import calibrate
 from sixflow.field.selection import require_field
@@ -40,7 +41,6 @@ from sixflow.interpretation.model import plane_in_window
 from sixflow.interpretation.points import Points, Region, select_points
 from sixflow.interpretation.weights import precision_around, symmetric_power, weights
 from sixflow.scenes import Eight
-from sixflow.scenes._checks import number, require
 
 Array = NDArray[Any]
 Coefficients = Literal["six", "eight"]
@@ -154,10 +154,6 @@ def fit_region(
     frame_interval : float, optional
         Time between successive frames of the recording, s, above 0, as `field.sixflow.calibrate` takes it; the times of
         the field, if they are known, by default. Unknown, all times are in frame intervals of the recording.
-
-    Returns
-    -------
-    RegionFit
 
     Raises
     ------

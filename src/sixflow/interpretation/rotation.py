@@ -26,7 +26,7 @@ from sixflow.interpretation.estimate import Estimate, Interpretation
 from sixflow.interpretation.region import RegionFit, require_fit
 from sixflow.interpretation.sight import look_at
 from sixflow.scenes import Camera
-from sixflow.scenes._checks import Of, require_kind, require_of
+from sixflow.scenes.arguments import Of, require_kind, require_of
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -77,10 +77,6 @@ def axis_rotation(
         Direction of the translation in the camera's axes, of any length above 0: corrects for the slant.
     of : "camera" or "object"
         Whose rotation it is, and whose heading.
-
-    Returns
-    -------
-    AxisRotation
 
     Raises
     ------

@@ -37,7 +37,7 @@ from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.errors import InputError
 from sixflow.interpretation.region import RegionFit, require_fit
 from sixflow.scenes import Camera, recentring_matrix
-from sixflow.scenes._checks import Of, pair, require_kind, require_of, triple
+from sixflow.scenes.arguments import Of, pair, require_kind, require_of, triple
 from sixflow.scenes.flow import coefficients_from_matrix, matrix_from_coefficients
 from sixflow.scenes.rotation import rotation_matrix
 
@@ -129,10 +129,7 @@ def _six_in_turned_camera(camera: Camera, turn: Array, x: float, y: float) -> Ar
 def scene_direction(heading: Any, of: Of) -> Array:
     """Unit vector of the scene's translation T, from the heading of the camera or the object.
 
-    Raises
-    ------
-    InputError
-        If it is not three finite numbers, or 0.
+    Raises InputError if it is not three finite numbers, or 0.
     """
     require_of(of)
     vector = np.array(triple("heading", heading, "the direction (X, Y, Z) of the motion"))
@@ -145,10 +142,7 @@ def scene_direction(heading: Any, of: Of) -> Array:
 def scene_rotation(rotation: Any, of: Of, fit: RegionFit) -> Array:
     """The scene's rotation ω, rad per frame interval, from that of the camera or the object in the fit's unit of time.
 
-    Raises
-    ------
-    InputError
-        If it is not three finite numbers.
+    Raises InputError if it is not three finite numbers.
     """
     require_of(of)
     vector = np.array(

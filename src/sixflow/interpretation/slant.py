@@ -30,7 +30,7 @@ from sixflow.interpretation.estimate import Estimate, Interpretation, distinct
 from sixflow.interpretation.region import RegionFit, require_fit
 from sixflow.interpretation.sight import Sight, look_at
 from sixflow.scenes import Camera
-from sixflow.scenes._checks import Of, require_of
+from sixflow.scenes.arguments import Of, require_of
 
 Array = NDArray[Any]
 
@@ -87,10 +87,6 @@ def slant_and_tilt(
         px; the middle of the region's points by default.
     of : "camera" or "object"
         Whose heading and rotation they are.
-
-    Returns
-    -------
-    SurfaceSlant
 
     Raises
     ------

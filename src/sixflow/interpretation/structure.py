@@ -16,12 +16,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from sixflow.checks import number
 from sixflow.interpretation.contact import contact_time
 from sixflow.interpretation.estimate import Estimate, Interpretation
 from sixflow.interpretation.interval import excess_of_mean
 from sixflow.interpretation.region import RegionFit, require_fit
 from sixflow.scenes import Camera, Eight, PlanarSolution, planar_structure
-from sixflow.scenes._checks import Of, number, require_kind
+from sixflow.scenes.arguments import Of, require_kind
 
 _ROUNDS = 2  # each is of two orders higher in the displacement gradient
 

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, as_floats, require_broadcast, silent
+from sixflow.array_checks import Array, as_floats, require_broadcast, silent
 from sixflow.invariants.kanatani import as_covariance
 from sixflow.invariants.polar import polar, polar_covariance, polar_jacobian, roots
 
@@ -69,10 +69,6 @@ def deformation(six: ArrayLike, covariance: ArrayLike | None = None) -> Deformat
     six : array, shape (..., 6)
     covariance : array, shape (..., 6, 6), optional
         Of the six. Leading dimensions are broadcast.
-
-    Returns
-    -------
-    Deformation
 
     Raises
     ------

@@ -21,7 +21,7 @@ from typing import NamedTuple, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, as_floats, require_broadcast, silent
+from sixflow.array_checks import Array, as_floats, require_broadcast, silent
 from sixflow.errors import InputError
 from sixflow.groups.generators import NAMES as NAMES
 from sixflow.groups.generators import NUMBER_PER_COEFFICIENT
@@ -63,10 +63,6 @@ def kanatani(numbers: ArrayLike) -> Invariants:
     ----------
     numbers : array, shape (..., 6) or (..., 8)
         The six (u, v, divergence, curl, stretch, shear), or the six and (E, F).
-
-    Returns
-    -------
-    Invariants
 
     Raises
     ------

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.convention._checks import Array, require_broadcast, silent
+from sixflow.array_checks import Array, require_broadcast, silent
 from sixflow.errors import InputError
 from sixflow.invariants.kanatani import PLACES, WEIGHTS, as_covariance, as_numbers
 
@@ -63,10 +63,6 @@ def size_and_direction(name: str, numbers: ArrayLike, covariance: ArrayLike | No
         The six, or the six and (E, F).
     covariance : array, shape (..., 6, 6) or (..., 8, 8), optional
         Of the numbers. Leading dimensions are broadcast.
-
-    Returns
-    -------
-    Polar
 
     Raises
     ------

@@ -14,9 +14,9 @@ from sixflow.field.dataset import build_field
 from sixflow.field.interval import statement
 from sixflow.frames.times import PairTimes
 from sixflow.maps.grid import Grid
+from sixflow.maps.motion import Motion, one_frames_share
 from sixflow.masks import Bodies
 from sixflow.prepare.frame import Frame, both_valid
-from sixflow.recording.trajectory import Motion, one_frames_share
 from sixflow.settings import Settings
 from sixflow.version import __version__
 

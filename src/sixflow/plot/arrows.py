@@ -12,9 +12,10 @@ from matplotlib.quiver import Quiver
 from matplotlib.transforms import ScaledTranslation, Transform, blended_transform_factory
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.checks import is_whole
+from sixflow.drawing.look import ARROW, FONT, INK, nice_below, require_axes
 from sixflow.errors import InputError
 from sixflow.field.selection import reference_of
-from sixflow.plot.look import ARROW, FONT, INK, nice_below, require_axes
 from sixflow.plot.missing import fill_missing, mark_failed
 from sixflow.plot.view import Units, View
 
@@ -54,10 +55,6 @@ def plot_arrows(
         As in `plot_map`.
     arrows : int
         About this many arrows along the longer side, at least 1; others are left out.
-
-    Returns
-    -------
-    Quiver
 
     Raises
     ------
@@ -114,10 +111,7 @@ def _draw_reference(ax: Axes, view: View, length: float, unit: str, style: dict[
 def draw_frame(ax: Axes, view: View, frame: ArrayLike | None) -> None:
     """Draw the frame, pale, so that what lies over it can be read.
 
-    Raises
-    ------
-    InputError
-        If the frame is no array of numbers of the size of the field's frames.
+    Raises InputError if the frame is no array of numbers of the size of the field's frames.
     """
     if frame is None:
         return
@@ -130,7 +124,7 @@ def draw_frame(ax: Axes, view: View, frame: ArrayLike | None) -> None:
 
 def thin(view: View, most: int) -> tuple[NDArray[np.bool_], float]:
     """Choose every n-th grid point, about `most` along the longer side; return them and their distance."""
-    if isinstance(most, bool) or not isinstance(most, int | np.integer) or most < 1:
+    if not is_whole(most, 1):
         raise InputError(f"{most!r} marks along the longer side: must be a whole number, at least 1")
     rows, columns = len(view.y), len(view.x)
     every = max(1, math.ceil(max(rows, columns) / most))

@@ -11,13 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from sixflow.drawing.look import FONT, INK, new_figure
+from sixflow.drawing.saving import save_figure
 from sixflow.field.dataset import SIX
 from sixflow.plot.arrows import draw_arrows
 from sixflow.plot.glyphs import draw_glyphs
-from sixflow.plot.look import FONT, INK, new_figure
 from sixflow.plot.maps import draw_map
 from sixflow.plot.missing import legend_handles
-from sixflow.plot.saving import save_figure
 from sixflow.plot.view import Units, View
 
 _WIDTH = 7.6  # inches: two columns of a journal

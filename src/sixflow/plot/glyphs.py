@@ -15,10 +15,10 @@ from matplotlib.collections import LineCollection, PolyCollection
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.convention import deformation_gradient, exp_six, gradient, log_six
+from sixflow.drawing.look import GLYPH_EDGE, GLYPH_FACE, REFERENCE, nice_below, require_axes
 from sixflow.errors import InputError
 from sixflow.field.derived import derived_error, six
 from sixflow.plot.arrows import draw_frame, thin
-from sixflow.plot.look import GLYPH_EDGE, GLYPH_FACE, REFERENCE, nice_below, require_axes
 from sixflow.plot.missing import fill_missing, mark_failed
 from sixflow.plot.view import Units, View
 

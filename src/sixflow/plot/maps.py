@@ -7,8 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.image import AxesImage
 
-from sixflow.errors import InputError
-from sixflow.plot.look import (
+from sixflow.drawing.look import (
     ERROR_MAP,
     SIGNED_MAP,
     add_colour_bar,
@@ -19,6 +18,7 @@ from sixflow.plot.look import (
     signed_limit,
     with_power,
 )
+from sixflow.errors import InputError
 from sixflow.plot.missing import fill_missing
 from sixflow.plot.view import Units, View, cell_edges
 
@@ -59,10 +59,6 @@ def plot_map(
         "physical" draws velocities and rates, on axes in units of length; the field must be calibrated.
     limit : float or None
         The scale ends here (and at −limit); None chooses it so that about 1 % of the points lie beyond.
-
-    Returns
-    -------
-    AxesImage
 
     Raises
     ------

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from sixflow.plot.look import FAILED_EDGE, FAILED_FACE, MASKED_EDGE, MASKED_FACE
+from sixflow.drawing.look import FAILED_EDGE, FAILED_FACE, MASKED_EDGE, MASKED_FACE
 from sixflow.plot.view import View, cell_edges
 
 Array = NDArray[Any]

@@ -10,13 +10,13 @@ import xarray as xr
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from sixflow.drawing.look import tidy
 from sixflow.errors import InputError
 from sixflow.field.calibration import Calibration
 from sixflow.field.dataset import SIX
 from sixflow.field.derived import DERIVED, derive, derived_error
 from sixflow.field.physical import PHYSICAL_NAMES, to_physical, turn_up
 from sixflow.field.selection import frame_shape, masked_and_failed, one_pair, require_field
-from sixflow.plot.look import tidy
 
 Array = NDArray[Any]
 Units = Literal["px", "physical"]
@@ -62,13 +62,7 @@ class View:
 
     @classmethod
     def of(cls, field: xr.Dataset, *, time: int, units: Units, y_up: bool) -> View:
-        """Choose pair, units and orientation.
-
-        Raises
-        ------
-        InputError
-            If one of them cannot be had.
-        """
+        """Choose pair, units and orientation; InputError if one of them cannot be had."""
         if units not in ("px", "physical"):
             raise InputError(f"units={units!r}: must be 'px' or 'physical'")
         pair = one_pair(require_field(field), time)
@@ -128,13 +122,7 @@ class View:
         return masked_and_failed(self.pair)
 
     def quantity(self, name: str) -> Quantity:
-        """Return a number per point by its name.
-
-        Raises
-        ------
-        InputError
-            If there is no such number.
-        """
+        """Return a number per point by its name; InputError if there is no such number."""
         if name in SIX and self.calibration:
             data, name = to_physical(self.pair, self.calibration), PHYSICAL_NAMES[name]
             error = data[f"{name}_standard_error"] if "covariance" in self.pair else None

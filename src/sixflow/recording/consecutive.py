@@ -18,10 +18,7 @@ def consecutive(
 ) -> Iterator[tuple[tuple[int, int], PairResult]]:
     """Yield the motion of each consecutive or double pair, and the places of its frames; the first `skip` are left out.
 
-    Raises
-    ------
-    BadFrameError
-        If not a single frame can be used.
+    Raises BadFrameError if not a single frame can be used.
     """
     schedule = recording.schedule
     held: dict[int, tuple[Tried, AnyBodies]] = {}

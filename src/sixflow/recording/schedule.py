@@ -19,6 +19,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from sixflow.checks import is_whole, require, require_choice
 from sixflow.errors import InputError
 from sixflow.frames import BadFrame, FrameSource
 from sixflow.frames.digests import FrameDigests
@@ -54,11 +55,9 @@ class Schedule:
     lag: int = 1
 
     def __post_init__(self) -> None:
-        if self.pairs not in get_args(Pairs):
-            raise InputError(f"pairs={self.pairs!r}: must be one of {', '.join(map(repr, get_args(Pairs)))}")
+        require_choice("pairs", self.pairs, get_args(Pairs))
         lag = self.lag
-        if isinstance(lag, bool) or not isinstance(lag, int | np.integer) or lag < 1:
-            raise InputError(f"lag={lag!r}: must be a whole number of frames, at least 1")
+        require(is_whole(lag, 1), "lag", lag, "must be a whole number of frames, at least 1")
         if lag != 1 and self.pairs != "consecutive":
             raise InputError(f"lag={lag}: goes with pairs='consecutive' only, but pairs={self.pairs!r}")
 

@@ -27,10 +27,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.checks import is_whole
 from sixflow.convention import SIX
 from sixflow.convention.flags import FLAGS
 from sixflow.errors import BadFrameError, InputError, SixflowError
 from sixflow.frames.bad import BadFrame
+from sixflow.maps.motion import Motion
 from sixflow.maps.neighbours import fill_failed
 from sixflow.maps.placing import leaves
 from sixflow.masks import AnyBodies, Masks
@@ -39,7 +41,7 @@ from sixflow.pair.session import Session
 from sixflow.pair.start import Start
 from sixflow.pair.unmeasured import Tried, try_frame, try_pair
 from sixflow.recording.schedule import Recording
-from sixflow.recording.trajectory import Motion, carried, joined
+from sixflow.recording.trajectory import carried, joined
 
 Update: TypeAlias = int | Literal["lost"] | None
 
@@ -50,13 +52,9 @@ LOST = 0.8
 def check_update(update: object, pairs: str, reference: str) -> Update:
     """Return how the reference is renewed, of the arguments of a sequence; 1 for pairs="incremental".
 
-    Raises
-    ------
-    InputError
-        If the arguments do not go together.
+    Raises InputError if the arguments do not go together.
     """
-    whole = isinstance(update, int) and not isinstance(update, bool) and update >= 1
-    if not (update is None or update == "lost" or whole):
+    if not (update is None or update == "lost" or is_whole(update, 1)):
         raise InputError(
             f"update={update!r}: must be a whole number of frames, at least 1, or 'lost', or None for "
             "the first frame throughout"

@@ -49,48 +49,13 @@ from sixflow.convention import (
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.engine.hermite import HermiteSurface
 from sixflow.maps.grid import Grid
+from sixflow.maps.motion import Motion
 from sixflow.maps.neighbours import fill_failed
 from sixflow.maps.placing import placed, surface_of
 from sixflow.masks import Bodies
 
 Array = NDArray[Any]
 Real = NDArray[np.float64]
-
-
-@dataclasses.dataclass(frozen=True)
-class Motion:
-    """A measured or joined motion at the points of a grid; arrays of shape (rows, columns, …).
-
-    Attributes
-    ----------
-    six, covariance : arrays, shape (rows, columns, 6) and (rows, columns, 6, 6)
-        NaN at failed points.
-    moved_covariance : array, shape (rows, columns, 6, 6)
-        The part of the covariance that is from the noise of the moved frame.
-    flag : uint16 array
-    residual, noise : arrays
-        Of the last step.
-    body : int array, or None
-    """
-
-    six: Array
-    covariance: Array
-    moved_covariance: Array
-    flag: NDArray[np.uint16]
-    residual: Array
-    noise: Array
-    body: Array | None
-
-    @property
-    def valid(self) -> NDArray[np.bool_]:
-        """Points that did not fail."""
-        return (self.flag & FAILING) == 0
-
-
-def one_frames_share(rho: Array) -> Real:
-    """Share of a measurement's covariance that is linear in the noise of one of its frames: S/C."""
-    share: Real = 0.5 / (1 + np.maximum(np.nan_to_num(rho, nan=0.0, posinf=0.0, neginf=0.0), 0.0))
-    return share
 
 
 def joined(base: Motion, step: Motion, grid: Grid, shape: tuple[int, int], *, named: bool = True) -> Motion:

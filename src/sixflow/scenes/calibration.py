@@ -21,22 +21,13 @@ import os
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from sixflow.array_checks import finite_floats
+from sixflow.checks import number, numbers, require
 from sixflow.convention import SIX
 from sixflow.errors import InputError
-from sixflow.scenes._checks import (
-    Array,
-    Of,
-    Triple,
-    finite_floats,
-    number,
-    pair,
-    require,
-    require_kind,
-    require_of,
-    triple,
-)
+from sixflow.scenes.arguments import Array, Of, Triple, pair, require_kind, require_of, triple
 from sixflow.scenes.camera import Camera
 from sixflow.scenes.eight import EIGHT, six_matrix
 from sixflow.scenes.flow import coefficients_from_matrix, velocity_matrix
@@ -50,6 +41,7 @@ if TYPE_CHECKING:
 NINE = ("V_X", "V_Y", "V_Z", "Omega_X", "Omega_Y", "Omega_Z", "p", "q", "r")
 """Names of the nine parameters of structure and motion, in the order used everywhere."""
 
+_SYMBOLS = ("V_X", "V_Y", "V_Z", r"\Omega_X", r"\Omega_Y", r"\Omega_Z", "p", "q", "r")
 _AXES = np.eye(3)
 
 
@@ -188,7 +180,10 @@ class Calibration:
     def picture(
         self, shape: tuple[int, int], path: str | os.PathLike[str] | None = None, *, length: str = "m"
     ) -> Figure:
-        """Nine panels: how the flow over a frame changes with each of the nine; see `picture.draw_calibration`.
+        """Nine panels: how the flow over a frame changes with each of the nine.
+
+        The arrows are the derivative of (u, v) by one parameter, to a scale of their own: the number above a panel is
+        that of the longest arrow. The cross is the point of the six. Regions that do not show the plane are grey.
 
         Parameters
         ----------
@@ -211,9 +206,24 @@ class Calibration:
         FieldFileError
             If the picture cannot be saved.
         """
-        from sixflow.scenes.picture import draw_calibration
+        from sixflow.drawing.flows import arrow_grid, draw_flows
 
-        return draw_calibration(self, shape, path, length=length)
+        rows, columns = numbers("shape", shape, 2, "rows and columns of the frame")
+        require(min(rows, columns) >= 2, "shape", shape, "must be rows and columns of at least 2")
+        x, y = arrow_grid((rows, columns))
+        from_centre = x - self.camera.centre[0], y - self.camera.centre[1]
+        flows = six_matrix(*from_centre)[..., :2, :] @ self.eight_jacobian
+        flows = np.where(self.plane.sees(self.camera, x, y)[..., None, None], flows, np.nan)
+        units = (f"{length}/frame",) * 3 + ("rad/frame",) * 3 + ("1", "1", length)
+        titles = [
+            f"$\\partial(u, v)/\\partial {symbol}$: {{}} px/frame per {unit}"
+            for symbol, unit in zip(_SYMBOLS, units, strict=True)
+        ]
+
+        def sees(x: Array, y: Array) -> NDArray[np.bool_]:
+            return self.plane.sees(self.camera, x, y)
+
+        return draw_flows((rows, columns), flows, titles, centre=self.at, sees=sees, path=path)
 
     def __str__(self) -> str:
         return self.table()

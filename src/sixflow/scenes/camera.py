@@ -22,17 +22,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sixflow.array_checks import broadcast, finite_floats, image_points
+from sixflow.checks import number, numbers, require
 from sixflow.errors import InputError
-from sixflow.scenes._checks import (
-    Array,
-    broadcast,
-    finite_floats,
-    image_points,
-    number,
-    numbers,
-    pair,
-    require,
-)
+from sixflow.scenes.arguments import Array, pair
 
 _NEAREST = 1e-12  # smallest Z/|X| that counts as in front of the camera
 

@@ -18,7 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.scenes._checks import Array, Triple, finite_floats, require, triple
+from sixflow.array_checks import finite_floats
+from sixflow.checks import require
+from sixflow.scenes.arguments import Array, Triple, triple
 from sixflow.scenes.rotation import rotation_matrix
 
 _ORTHOGONAL = 1e-6  # largest entry of RᵀR − I that is taken for rounding

@@ -36,10 +36,10 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sixflow.array_checks import as_floats, broadcast, finite_floats, image_points
 from sixflow.convention import SIX_FROM_GRADIENT
-from sixflow.convention._checks import as_floats
 from sixflow.errors import InputError
-from sixflow.scenes._checks import Array, broadcast, finite_floats, image_points, pair
+from sixflow.scenes.arguments import Array, pair
 
 EIGHT = ("u0", "v0", "A", "B", "C", "D", "E", "F")
 """Names of the eight coefficients, in the order used everywhere."""

@@ -30,8 +30,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sixflow.array_checks import broadcast, image_points
 from sixflow.convention import six_from_gradient
-from sixflow.scenes._checks import Array, broadcast, image_points, refuse_points, require_kind
+from sixflow.scenes.arguments import Array, refuse_points, require_kind
 from sixflow.scenes.camera import Camera, require_depth
 from sixflow.scenes.displacement import RigidDisplacement
 from sixflow.scenes.eight import Eight

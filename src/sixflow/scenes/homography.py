@@ -21,9 +21,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sixflow.array_checks import finite_floats, image_points
 from sixflow.convention import six_from_gradient
 from sixflow.errors import InputError
-from sixflow.scenes._checks import Array, finite_floats, image_points, pair, refuse_points, require_kind
+from sixflow.scenes.arguments import Array, pair, refuse_points, require_kind
 from sixflow.scenes.camera import Camera
 from sixflow.scenes.displacement import RigidDisplacement
 from sixflow.scenes.eight import Eight
@@ -144,10 +145,6 @@ def homography_flow(matrix: ArrayLike, centre: tuple[float, float] = (0.0, 0.0))
     centre : (float, float)
         Image point about which the coefficients are wanted, px.
 
-    Returns
-    -------
-    Eight
-
     Raises
     ------
     InputError
@@ -168,10 +165,8 @@ def homography_flow(matrix: ArrayLike, centre: tuple[float, float] = (0.0, 0.0))
 def homography_log(matrix: ArrayLike) -> Array:
     """Real logarithm of a homography of det 1, shape (3, 3); of trace 0.
 
-    Raises
-    ------
-    InputError
-        If the matrix is singular or mirrors, or has no real logarithm: no steady motion leads to it.
+    Raises InputError if the matrix is singular or mirrors, or has no real logarithm: no steady motion leads
+    to it.
     """
     from scipy.linalg import expm, logm
 

@@ -28,8 +28,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sixflow.array_checks import broadcast, finite_floats
+from sixflow.checks import number
 from sixflow.errors import InputError
-from sixflow.scenes._checks import Array, Triple, broadcast, finite_floats, number, require_kind, triple
+from sixflow.scenes.arguments import Array, Triple, require_kind, triple
 from sixflow.scenes.camera import Camera
 from sixflow.scenes.motion import RigidMotion
 from sixflow.scenes.plane import Plane

@@ -29,17 +29,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.scenes._checks import (
-    Array,
-    Of,
-    Triple,
-    finite_floats,
-    number,
-    require,
-    require_kind,
-    require_of,
-    triple,
-)
+from sixflow.array_checks import finite_floats
+from sixflow.checks import number, require
+from sixflow.scenes.arguments import Array, Of, Triple, require_kind, require_of, triple
 from sixflow.scenes.displacement import RigidDisplacement, displacement_of
 from sixflow.scenes.rotation import drift_matrix, rotation_matrix, rotation_vector
 
@@ -234,10 +226,7 @@ def _opposite(vector: Triple) -> Triple:
 def as_displacement(motion: object) -> RigidDisplacement:
     """Return the displacement over one frame interval.
 
-    Raises
-    ------
-    InputError
-        If the motion is neither a RigidMotion nor a RigidDisplacement.
+    Raises InputError if the motion is neither a RigidMotion nor a RigidDisplacement.
     """
     if isinstance(motion, RigidMotion):
         return motion.displacement()
@@ -247,13 +236,7 @@ def as_displacement(motion: object) -> RigidDisplacement:
 
 
 def as_motion(motion: object) -> RigidMotion:
-    """Return the steady motion.
-
-    Raises
-    ------
-    InputError
-        If the motion is neither a RigidMotion nor a RigidDisplacement.
-    """
+    """Return the steady motion; InputError if the motion is neither a RigidMotion nor a RigidDisplacement."""
     return (
         motion if isinstance(motion, RigidMotion) else RigidMotion.from_displacement(as_displacement(motion))
     )

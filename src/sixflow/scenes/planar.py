@@ -49,7 +49,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.scenes._checks import Array, Of, finite_floats, number, require, require_kind, require_of
+from sixflow.array_checks import finite_floats
+from sixflow.checks import number, require
+from sixflow.scenes.arguments import Array, Of, require_kind, require_of
 from sixflow.scenes.camera import Camera
 from sixflow.scenes.eight import Eight, require_covariance, require_eight
 from sixflow.scenes.flow import matrix_from_coefficients

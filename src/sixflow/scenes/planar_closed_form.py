@@ -26,7 +26,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.scenes._checks import Array, Of
+from sixflow.scenes.arguments import Array, Of
 from sixflow.scenes.planar_solution import PlanarSolution
 from sixflow.scenes.plane import GRAZING
 from sixflow.scenes.rotation import skew, unskew

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.checks import number, require
 from sixflow.errors import InputError
-from sixflow.scenes._checks import Array, Of, number, require
+from sixflow.scenes.arguments import Array, Of
 from sixflow.scenes.motion import RigidMotion
 from sixflow.scenes.plane import Plane
 

@@ -25,8 +25,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.array_checks import image_points
+from sixflow.checks import number, require
 from sixflow.errors import InputError
-from sixflow.scenes._checks import Array, Triple, image_points, number, require, require_kind, triple
+from sixflow.scenes.arguments import Array, Triple, require_kind, triple
 from sixflow.scenes.camera import Camera
 from sixflow.scenes.displacement import RigidDisplacement
 from sixflow.scenes.motion import RigidMotion, as_displacement

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sixflow.scenes._checks import Array
+from sixflow.scenes.arguments import Array
 
 _SMALL = 0.1  # rad: below it, the series to θ⁶ is exact to rounding
 

@@ -29,8 +29,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sixflow.array_checks import finite_floats
+from sixflow.checks import number, require
 from sixflow.errors import InputError
-from sixflow.scenes._checks import Array, finite_floats, number, require, require_kind
+from sixflow.scenes.arguments import Array, require_kind
 from sixflow.scenes.calibration import NINE, Calibration
 from sixflow.scenes.rotation import skew
 
@@ -95,10 +97,6 @@ def sensitivity(
         exactly. By default the plane, for a known motion.
     prior : mapping, optional
         Standard errors, above 0, with which unknown ones are known beforehand, such as {"V_Z": 0.02}.
-
-    Returns
-    -------
-    Sensitivity
 
     Raises
     ------

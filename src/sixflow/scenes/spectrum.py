@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.scenes._checks import Array
+from sixflow.scenes.arguments import Array
 
 _ROUNDING = 64 * float(np.finfo(np.float64).eps)  # of an eigenvalue, relative to the size of L
 

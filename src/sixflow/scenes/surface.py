@@ -12,17 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sixflow.array_checks import finite_floats, image_points
+from sixflow.checks import number, require
 from sixflow.errors import InputError
-from sixflow.scenes._checks import (
-    Array,
-    finite_floats,
-    image_points,
-    number,
-    pair,
-    refuse_points,
-    require,
-    require_kind,
-)
+from sixflow.scenes.arguments import Array, pair, refuse_points, require_kind
 from sixflow.scenes.camera import Camera, require_depth
 
 

@@ -3,7 +3,6 @@
 | module | what |
 |---|---|
 | `settings` | `Settings`: one frozen dataclass = keyword arguments = command line = TOML file = attributes |
-| `values` | checks of single values, and how they are shown in messages |
 | `affine_guess` | a first guess of the motion, in numbers |
 | `region` | the region of interest, a rectangle and polygons |
 """

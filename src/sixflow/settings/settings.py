@@ -13,10 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict, get_args
 
-from sixflow.errors import InputError
-from sixflow.settings.affine_guess import Numbers, as_numbers
-from sixflow.settings.region import as_polygons, as_rectangle
-from sixflow.settings.values import (
+from sixflow.checks import (
     A_SCALE,
     is_choice,
     is_number,
@@ -27,6 +24,9 @@ from sixflow.settings.values import (
     require_choice,
     shown,
 )
+from sixflow.errors import InputError
+from sixflow.settings.affine_guess import Numbers, as_numbers
+from sixflow.settings.region import as_polygons, as_rectangle
 
 if TYPE_CHECKING:
     from sixflow.search.guess import Guess

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sixflow.synth.check import Array, frame_shape, whole
+from sixflow.checks import whole
+from sixflow.synth.arguments import Array, frame_shape
 from sixflow.synth.motions.base import Motion
 from sixflow.synth.patterns.base import Pattern, require_pattern
 

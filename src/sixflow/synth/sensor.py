@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.checks import is_whole, number, require, whole
 from sixflow.errors import InputError
-from sixflow.synth.check import Array, number, require, whole
+from sixflow.synth.arguments import Array
 
 _BITS = (8, 10, 12, 14, 16)
 _FIXED = 2**40  # numbers of random streams that belong to no frame
@@ -86,9 +87,7 @@ class Sensor:
         if self.electrons is not None:
             electrons = number("electrons", self.electrons, above=0, unit="electrons per grey level")
             object.__setattr__(self, "electrons", electrons)
-        whole_bits = self.bits is None or (
-            isinstance(self.bits, int | np.integer) and not isinstance(self.bits, bool)
-        )
+        whole_bits = self.bits is None or is_whole(self.bits)
         remedy = f"must be one of {', '.join(map(str, _BITS))}, or None for float64 frames"
         require(whole_bits and self.bits in (*_BITS, None), "bits", self.bits, remedy)
         object.__setattr__(self, "dead", number("dead", self.dead, least=0, most=0.5))

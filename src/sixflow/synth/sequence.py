@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.checks import require, whole
 from sixflow.errors import InputError
-from sixflow.synth.check import Array, require, whole
+from sixflow.synth.arguments import Array
 from sixflow.synth.motions.base import Motion, require_motion
 from sixflow.synth.motions.relative import relative
 from sixflow.synth.patterns.base import Pattern

@@ -12,14 +12,14 @@ from typing import TypeAlias, cast
 import numpy as np
 import xarray as xr
 
+from sixflow.checks import shown
 from sixflow.errors import FieldFileError, InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.dataset import SIX
-from sixflow.settings.values import shown
 from sixflow.write.guarded import damage_told, guarded
 from sixflow.write.layout import batches, checked_field, in_order, incomplete_coordinates
 from sixflow.write.lock import locked
-from sixflow.write.target import SUFFIXES, check_output, is_zarr, staged
+from sixflow.write.target import SUFFIXES, check_output, is_zarr, staged_output
 
 Writer: TypeAlias = Callable[[Path, Iterator[xr.Dataset]], None]
 
@@ -78,7 +78,7 @@ def save(parts: Iterator[xr.Dataset], target: Path, overwrite: bool) -> None:
     """Write the parts of a field, which follow each other in time, in the format that `target` names."""
     suffix = target.suffix.lower()
     module = importlib.import_module(f"sixflow.write.{_MODULES[suffix]}")
-    with staged(target, overwrite) as partial:
+    with staged_output(target, overwrite) as partial:
         try:
             cast(Writer, module.write)(partial, parts)
         except (TypeError, ValueError) as error:
@@ -167,10 +167,7 @@ def _check_content(field: xr.Dataset, path: Path) -> None:
 def _checked_input(path: str | os.PathLike[str]) -> Path:
     """Return the path of a file or store that is there.
 
-    Raises
-    ------
-    FieldFileError
-        If it is not, or is nothing to read a field from.
+    Raises FieldFileError if it is not, or is nothing to read a field from.
     """
     try:
         path = Path(path).expanduser()

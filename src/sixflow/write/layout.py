@@ -17,10 +17,8 @@ from sixflow.field.selection import whole_flags
 def checked_field(field: xr.Dataset) -> xr.Dataset:
     """Return the field without leftovers of the file that it may come from.
 
-    Raises
-    ------
-    InputError
-        If it is no dataset, holds no variable over rows and columns, or flags that are none any more.
+    Raises InputError if it is no dataset, holds no variable over rows and columns, or flags that are none any
+    more.
     """
     if not isinstance(field, xr.Dataset):
         raise InputError(f"field: a {type(field).__name__}; give the xarray.Dataset of a measurement")

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sixflow.settings.values import is_whole
+from sixflow.checks import is_whole
 
 
 class Progress:

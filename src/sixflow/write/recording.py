@@ -18,17 +18,18 @@ from typing import Any, Self
 import numpy as np
 import xarray as xr
 
+from sixflow.checks import is_whole, shown
 from sixflow.errors import BadFrameError, FieldFileError, FrameFileError, InputError
 from sixflow.field.provenance import joined_attrs, said_of_pairs
 from sixflow.frames.digests import FrameDigests
-from sixflow.settings.values import is_whole, shown
+from sixflow.staging import disk_errors, publish, remove
 from sixflow.write import zarrstore
 from sixflow.write.fieldfile import save
 from sixflow.write.guarded import damage_told, guarded
 from sixflow.write.layout import batches, checked_field, in_order
 from sixflow.write.lock import locked
 from sixflow.write.progress import Progress
-from sixflow.write.target import check_output, disk_errors, publish, remove
+from sixflow.write.target import check_output, check_replaceable
 
 MOST_PAIRS = 2**20
 """Most pairs per chunk."""
@@ -253,7 +254,8 @@ class RecordingWriter:
             zarrstore.describe(self._store, joined, disputed)
         if self.path.suffix.lower() == ".zarr":
             zarrstore.seal(self._store)
-            publish(self._store, self.path, self._overwrite)
+            check_replaceable(self.path, self._overwrite)
+            publish(self._store, self.path)
         else:
             save(self._stored(), self.path, self._overwrite)
         remove(self.partial)

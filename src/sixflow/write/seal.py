@@ -38,13 +38,7 @@ def seal(path: Path) -> None:
 
 
 def check_seal(path: Path) -> None:
-    """Compare a file with its seal, if it has one.
-
-    Raises
-    ------
-    FieldFileError
-        If they do not go together.
-    """
+    """Compare a file with its seal, if it has one; FieldFileError if they do not go together."""
     with path.open("rb") as file:
         size = file.seek(0, 2) - _END.size
         file.seek(max(0, size))

@@ -1,18 +1,15 @@
-"""Targets: where an output goes, and how it gets there whole or not at all.
-
-Everything is written beside its place, under a name that starts with a dot, and renamed when it is complete.
-"""
+"""Targets: where a field is written, checked before it is measured, and what may be replaced."""
 
 from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from sixflow.errors import FieldFileError
+from sixflow.staging import disk_errors, staged
 
 SUFFIXES = (".nc", ".zarr", ".csv")
 """Suffixes of the formats that a field can be written in."""
@@ -50,8 +47,7 @@ def check_output(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
         seen = f"the suffix {path.suffix!r} is unknown" if path.suffix else "a suffix is missing"
         raise FieldFileError(f"{path}: {seen}; choose one of {', '.join(SUFFIXES)}")
     _check_folder(path)
-    if os.path.lexists(path):
-        _check_replaceable(path, overwrite)
+    check_replaceable(path, overwrite)
     return path
 
 
@@ -69,7 +65,10 @@ def _check_folder(path: Path) -> None:
         ) from error
 
 
-def _check_replaceable(path: Path, overwrite: bool) -> None:
+def check_replaceable(path: Path, overwrite: bool) -> None:
+    """Refuse to replace what is there, if anything is, unless it may be replaced and is of the same kind."""
+    if not os.path.lexists(path):
+        return
     if not overwrite:
         raise FieldFileError(
             f"{path}: exists already; replace it with overwrite=True (--overwrite), or choose another name"
@@ -88,62 +87,12 @@ def is_zarr(path: Path) -> bool:
 
 
 @contextlib.contextmanager
-def staged(path: Path, overwrite: bool) -> Iterator[Path]:
+def staged_output(path: Path, overwrite: bool) -> Iterator[Path]:
     """Give a place to write to; what is there in the end becomes `path`, and on an error nothing does.
 
-    Raises
-    ------
-    FieldFileError
-        If `path` cannot be used (`check_output`), or writing fails.
+    Raises FieldFileError if `path` cannot be used (`check_output`), or writing fails.
     """
     path = check_output(path, overwrite)
-    partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
-    remove(partial)
-    try:
-        with disk_errors(path):
-            yield partial
-            publish(partial, path, overwrite)
-    finally:
-        remove(partial)
-
-
-@contextlib.contextmanager
-def disk_errors(path: Path) -> Iterator[None]:
-    """Turn the errors of the operating system into `FieldFileError`."""
-    try:
-        yield
-    except FieldFileError:
-        raise
-    except OSError as error:
-        raise FieldFileError(
-            f"{path}: cannot be written ({error.strerror or error}); check the room on the disk"
-        ) from error
-
-
-def publish(partial: Path, path: Path, overwrite: bool) -> None:
-    """Rename a complete output to its final name, in place of an earlier one if that is allowed."""
-    if os.path.lexists(path):
-        _check_replaceable(path, overwrite)
-    if partial.is_file():
-        with partial.open("rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(partial, path)
-        return
-    earlier = path.with_name(f".{path.name}.replaced-{os.getpid()}")
-    if os.path.lexists(path):
-        os.rename(path, earlier)  # a folder cannot be renamed over another one
-    try:
-        os.rename(partial, path)
-    except OSError:
-        if os.path.lexists(earlier):
-            os.rename(earlier, path)
-        raise
-    remove(earlier)
-
-
-def remove(path: Path) -> None:
-    """Remove a file or a folder with all that is in it, if it exists."""
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
+    with disk_errors(path), staged(path) as partial:
+        yield partial
+        check_replaceable(path, overwrite)

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from sixflow.checks import number, require, whole
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
 from sixflow.maps.grid import Grid
 from sixflow.prepare.frame import check_frame
-from sixflow.synth.check import number, require, whole
 
 Array = NDArray[Any]
 
@@ -38,10 +38,7 @@ class Problem:
     def of(cls, frame0: ArrayLike, frame1: ArrayLike, grid_step: int, window: float) -> Problem:
         """Check the arguments that all methods share.
 
-        Raises
-        ------
-        InputError
-            If a frame, the step or the window cannot be used.
+        Raises InputError if a frame, the step or the window cannot be used.
         """
         first, second = check_frame(frame0, "frame0"), check_frame(frame1, "frame1")
         if first.shape != second.shape:

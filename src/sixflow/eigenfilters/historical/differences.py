@@ -40,11 +40,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from sixflow.checks import require, whole
 from sixflow.convention import six_from_gradient
 from sixflow.eigenfilters.historical._frames import FLAT, Problem, away_from_gaps, central_differences
 from sixflow.eigenfilters.historical.result import HistoricalField
 from sixflow.engine.window import CUT
-from sixflow.synth.check import require, whole
 
 Array = NDArray[Any]
 

@@ -48,11 +48,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from sixflow.checks import number, require, whole
 from sixflow.convention import six_from_coefficients
 from sixflow.eigenfilters.historical._frames import Problem, away_from_gaps
 from sixflow.eigenfilters.historical.moments import WindowSums, in_pixels
 from sixflow.eigenfilters.historical.result import HistoricalField
-from sixflow.synth.check import number, require, whole
 
 Array = NDArray[Any]
 

@@ -30,13 +30,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.checks import require
 from sixflow.convention import GENERATORS
 from sixflow.convention.affine import SIX_PER_COEFFICIENT
 from sixflow.eigenfilters.historical._frames import FLAT, Problem, away_from_gaps, central_differences
 from sixflow.eigenfilters.historical.moments import WindowSums, in_pixels
 from sixflow.eigenfilters.historical.result import HistoricalField
 from sixflow.engine.window import CUT
-from sixflow.synth.check import require
 
 Array = NDArray[Any]
 Ratio = Literal["least-squares", "pointwise"]

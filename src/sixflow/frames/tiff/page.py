@@ -95,13 +95,7 @@ class Pages:
         self._last: tuple[int, Any] | None = None
 
     def page(self, number: int) -> Any:
-        """Return a page whose claims hold.
-
-        Raises
-        ------
-        FrameFileError
-            If it cannot be read, or claims what cannot be.
-        """
+        """Return a page whose claims hold; FrameFileError if it cannot be read, or claims what cannot be."""
         if self._last is not None and self._last[0] == number:
             return self._last[1]
         try:
@@ -119,10 +113,7 @@ class Pages:
     def decode(self, plane: Plane) -> tuple[Array, tuple[str, ...]]:
         """Return a picture, shape (h, w) or (h, w, c), and notes on its colours.
 
-        Raises
-        ------
-        FrameFileError
-            If it is damaged, missing, or of a kind that cannot be decoded.
+        Raises FrameFileError if it is damaged, missing, or of a kind that cannot be decoded.
         """
         page = self.page(plane.page)
         try:

@@ -32,13 +32,7 @@ _FEW = 0.25
 
 
 def find_series(pages: Pages, chain: Chain, path: Path) -> list[Series]:
-    """Return the stacks of pictures in a file.
-
-    Raises
-    ------
-    FrameFileError
-        If there is none that could be read.
-    """
+    """Return the stacks of pictures in a file; FrameFileError if there is none that could be read."""
     first = pages.tif.pages.first
     text = str(first.description or "")
     if ome.is_ome(text):

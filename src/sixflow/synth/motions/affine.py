@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.checks import number, numbers, require
 from sixflow.errors import InputError
-from sixflow.synth.check import Array, number, numbers, require
+from sixflow.synth.arguments import Array
 from sixflow.synth.motions.base import Motion
 
 Matrix = tuple[tuple[float, float], tuple[float, float]]

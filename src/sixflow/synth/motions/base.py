@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sixflow.checks import number, require
 from sixflow.errors import InputError
-from sixflow.synth.check import Array, number, points, require
+from sixflow.synth.arguments import Array, points
 
 _GOAL = 1e-11  # px: Newton's method stops here
 _ACCEPT = 1e-9  # px: what is promised

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sixflow.synth.check import Array, length, number, numbers, points
+from sixflow.checks import number, numbers
+from sixflow.synth.arguments import Array, length, points
 from sixflow.synth.motions.base import Motion
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from sixflow.synth.check import Array
+from sixflow.synth.arguments import Array
 from sixflow.synth.motions.base import Motion, require_motion
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from sixflow.checks import number, require
 from sixflow.scenes.camera import Camera
 from sixflow.scenes.flow import surface_displacement
 from sixflow.scenes.homography import (
@@ -26,7 +27,7 @@ from sixflow.scenes.homography import (
 from sixflow.scenes.motion import RigidMotion, as_motion
 from sixflow.scenes.plane import Plane
 from sixflow.scenes.surface import Surface, require_surface
-from sixflow.synth.check import Array, number, require
+from sixflow.synth.arguments import Array
 from sixflow.synth.motions.base import Motion
 
 Rows = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]

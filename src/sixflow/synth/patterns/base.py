@@ -6,7 +6,8 @@ import abc
 
 from numpy.typing import ArrayLike
 
-from sixflow.synth.check import Array, points, require, whole
+from sixflow.checks import require, whole
+from sixflow.synth.arguments import Array, points
 from sixflow.synth.motions.base import Motion, require_motion
 
 CHUNK = 1 << 14

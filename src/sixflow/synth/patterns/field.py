@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sixflow.engine.threads import over_strips
 from sixflow.errors import InputError
-from sixflow.synth.check import Array
+from sixflow.synth.arguments import Array
 from sixflow.synth.motions.base import Motion
 from sixflow.synth.patterns.base import CHUNK
 

@@ -12,7 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from sixflow.synth.check import Array, length, number, points, require, whole
+from sixflow.checks import number, require, whole
+from sixflow.synth.arguments import Array, length, points
 from sixflow.synth.motions.base import Motion
 from sixflow.synth.patterns.base import Pattern
 from sixflow.synth.patterns.field import REACH, Box, evaluate, origin_box, scatter

@@ -12,7 +12,8 @@ import math
 
 import numpy as np
 
-from sixflow.synth.check import Array, length, number, whole
+from sixflow.checks import number, whole
+from sixflow.synth.arguments import Array, length
 from sixflow.synth.patterns.base import Pattern
 from sixflow.synth.patterns.field import REACH, Box, evaluate, scatter
 

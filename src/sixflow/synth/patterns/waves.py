@@ -10,8 +10,9 @@ import math
 
 import numpy as np
 
+from sixflow.checks import number, numbers, require, whole
 from sixflow.engine.threads import over_strips
-from sixflow.synth.check import Array, length, number, numbers, require, whole
+from sixflow.synth.arguments import Array, length
 from sixflow.synth.patterns.base import CHUNK, Pattern
 
 

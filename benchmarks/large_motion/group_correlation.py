@@ -38,10 +38,10 @@ from numpy.typing import NDArray
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import maximum_filter
 
+from large_motion.warped import Neighbourhoods
 from sixflow.convention import six_from_coefficients
 from sixflow.eigenfilters.coordinates import CanonicalCoordinates, canonical
 from sixflow.eigenfilters.geometry import Real
-from sixflow.eigenfilters.warped import Neighbourhoods
 from sixflow.engine.window import window_sigma
 
 PAIRS = (("L_x", "L_y"), ("L_s", "L_r"), ("L_b", "L_s"), ("L_B", "L_s"))
@@ -95,7 +95,7 @@ class GroupCorrelation:
     A turn by 0.5 rad has the curl 2 sin 0.5 = 0.96; samples are 0.05 rad apart:
 
     >>> from sixflow import synth
-    >>> from sixflow.eigenfilters.warped import Spline
+    >>> from large_motion.warped import Spline
     >>> made = synth.pair(synth.Speckle(), synth.Affine.rotation(0.5, centre=(48, 48)), (97, 97))
     >>> at = np.array([48.0])
     >>> near = Neighbourhoods(Spline(made.frame0), Spline(made.frame1), at, at, window_sigma(31))

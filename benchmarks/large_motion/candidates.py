@@ -18,11 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from large_motion.group_correlation import GroupCorrelation
+from large_motion.warped import Neighbourhoods
 from sixflow.convention import compose_six, gradient, six_from_coefficients
 from sixflow.eigenfilters.geometry import Real
-from sixflow.eigenfilters.group_correlation import GroupCorrelation
 from sixflow.eigenfilters.joint import JointOperator
-from sixflow.eigenfilters.warped import Neighbourhoods
 
 SETTLED = 0.01
 """Size of a last step, px."""

@@ -1,15 +1,70 @@
-"""Folders of output files that belong together: all of them appear, or none."""
+"""Staging: outputs that appear whole or not at all.
+
+Everything is written beside its place, under a name that starts with a dot, and renamed when it is complete.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from sixflow.errors import FieldFileError
-from sixflow.write.target import disk_errors
+
+
+@contextlib.contextmanager
+def staged(path: Path) -> Iterator[Path]:
+    """Give a place to write a file or folder to; on success it replaces `path`, on an error nothing does."""
+    partial = path.with_name(f".{path.stem}.partial-{os.getpid()}{path.suffix}")
+    remove(partial)
+    try:
+        yield partial
+        publish(partial, path)
+    finally:
+        remove(partial)
+
+
+@contextlib.contextmanager
+def disk_errors(path: Path) -> Iterator[None]:
+    """Turn the errors of the operating system into `FieldFileError`."""
+    try:
+        yield
+    except FieldFileError:
+        raise
+    except OSError as error:
+        raise FieldFileError(
+            f"{path}: cannot be written ({error.strerror or error}); check the room on the disk"
+        ) from error
+
+
+def publish(partial: Path, path: Path) -> None:
+    """Rename a complete output to its final name, in place of an earlier one."""
+    if partial.is_file():
+        with partial.open("rb+") as file:
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+        return
+    earlier = path.with_name(f".{path.name}.replaced-{os.getpid()}")
+    if os.path.lexists(path):
+        os.rename(path, earlier)  # a folder cannot be renamed over another one
+    try:
+        os.rename(partial, path)
+    except OSError:
+        if os.path.lexists(earlier):
+            os.rename(earlier, path)
+        raise
+    remove(earlier)
+
+
+def remove(path: Path) -> None:
+    """Remove a file or a folder with all that is in it, if it exists."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

@@ -8,7 +8,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from sixflow.errors import FieldFileError, InputError
-from sixflow.write.target import remove
+from sixflow.staging import staged
 
 DPI = 300
 
@@ -30,15 +30,12 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
         If the file cannot be written.
     """
     path = Path(path).expanduser()
-    partial = path.with_name(f".{path.stem}.partial-{os.getpid()}{path.suffix}")
     try:
-        figure.savefig(partial, dpi=DPI, format=path.suffix.lstrip(".").lower())
-        os.replace(partial, path)
+        with staged(path) as partial:
+            figure.savefig(partial, dpi=DPI, format=path.suffix.lstrip(".").lower())
     except ValueError as error:
         raise InputError(f"path={str(path)!r}: {error}; end it in .png, .pdf or .svg") from error
     except OSError as error:
         raise FieldFileError(
             f"the figure cannot be saved as {str(path)!r}: {error.strerror or error}"
         ) from error
-    finally:
-        remove(partial)

@@ -29,10 +29,8 @@ def as_floats(name: str, value: ArrayLike, trailing: tuple[int, ...]) -> Array:
 
     float32 is kept, everything else becomes float64. Masked elements become NaN: masked is never a number.
 
-    Raises
-    ------
-    InputError
-        If `value` is no array of real numbers (complex, bool, object, text), or its last dimensions differ.
+    Raises InputError if `value` is no array of real numbers (complex, bool, object, text), or its last
+    dimensions differ.
     """
     try:
         array = value if isinstance(value, np.ma.MaskedArray) else np.asarray(value)
@@ -74,3 +72,29 @@ def refuse(name: str, bad: Array, reason: str, invalid: str) -> None:
         first = tuple(int(k) for k in np.argwhere(bad)[0])
         reason = f"{int(bad.sum())} of {bad.size} elements {reason}, the first at index {first}"
     raise InputError(f"{name}: {reason}; leave such elements out, or ask for NaN with invalid='nan'")
+
+
+def finite_floats(name: str, value: ArrayLike, trailing: tuple[int, ...] = ()) -> NDArray[np.float64]:
+    """Return real, finite numbers as float64 whose last dimensions are `trailing`.
+
+    Raises InputError if they are not real, of another shape, or not finite.
+    """
+    array = as_floats(name, value, trailing).astype(np.float64)
+    bad = ~np.isfinite(array)
+    if bad.any():
+        raise InputError(
+            f"{name}: {int(bad.sum())} of {bad.size} numbers are not finite, such as {array[bad][0]}; leave them out"
+        )
+    return array
+
+
+def broadcast(**arrays: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Return the arrays, given by argument name, in their broadcast shape; InputError if there is none."""
+    require_broadcast(**{name: array.shape for name, array in arrays.items()})
+    return list(np.broadcast_arrays(*arrays.values()))
+
+
+def image_points(x: ArrayLike, y: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return finite image coordinates, px, as two float64 arrays of one shape; InputError if they are not."""
+    x, y = broadcast(x=finite_floats("x", x), y=finite_floats("y", y))
+    return x, y

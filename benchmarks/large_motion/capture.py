@@ -39,9 +39,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sixflow.convention import propagate_composition
-from sixflow.eigenfilters.bank import FilterBank
-from sixflow.eigenfilters.candidates import (
+from large_motion.candidates import (
     SETTLED,
     Candidates,
     approached,
@@ -51,16 +49,18 @@ from sixflow.eigenfilters.candidates import (
     of_pairs,
     size_of,
 )
+from large_motion.group_correlation import PAIRS, GroupCorrelation
+from large_motion.warped import Neighbourhoods, Spline
+from sixflow.checks import number
+from sixflow.convention import propagate_composition
+from sixflow.eigenfilters.bank import FilterBank
 from sixflow.eigenfilters.default import SMALLEST_ARRAY, default_bank
 from sixflow.eigenfilters.geometry import Real
-from sixflow.eigenfilters.group_correlation import PAIRS, GroupCorrelation
 from sixflow.eigenfilters.joint import JointOperator
 from sixflow.eigenfilters.patches import finite_frame, pixels
 from sixflow.eigenfilters.pooled import PooledOperator
-from sixflow.eigenfilters.warped import Neighbourhoods, Spline
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
-from sixflow.synth.check import number
 
 CHANCE, RIVAL = 20.0, 5.0
 """Log-likelihood ratios that a converged point has, against chance and against every other map."""

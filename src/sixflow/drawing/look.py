@@ -54,13 +54,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def require_axes(ax: object) -> Axes:
-    """Return `ax` if it is axes of matplotlib.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
+    """Return `ax` if it is axes of matplotlib; InputError if it is not."""
     if not isinstance(ax, Axes):
         raise InputError(
             f"ax is a {type(ax).__name__}: give axes of matplotlib, such as Figure().add_subplot()"
