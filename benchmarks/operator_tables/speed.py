@@ -10,11 +10,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from sixflow.eigenfilters.passes import EigenfilterPasses
 
 import sixflow
 from cases import show, verdict
 from operator_tables.ensemble import NOISE, SMALL, STEP, TEXTURES, WINDOW, make_pair
-from sixflow.eigenfilters.passes import EigenfilterPasses
 from sixflow.pair.session import Session
 from sixflow.settings import Settings
 

@@ -21,12 +21,13 @@ from sixflow.judge.roundtrip import no_return
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import fill_failed, settle
 from sixflow.maps.placing import placed
+from sixflow.method import problem_of
 from sixflow.pair.start import Start
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
 from sixflow.prepare.lighting import confirmed
 from sixflow.prepare.region_light import RegionLight
-from sixflow.refine.iterate import dense, problem_of, refine
+from sixflow.refine.iterate import dense, refine
 from sixflow.refine.resolution import choose
 from sixflow.refine.solution import Solution
 from sixflow.search.growth import Scene, extrapolated

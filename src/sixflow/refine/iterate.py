@@ -12,7 +12,6 @@ from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import TYPICAL_SHARE, settle, typical
 from sixflow.maps.restriction import with_shared_gradients
 from sixflow.plan import Plan
-from sixflow.prepare.frame import Frame
 from sixflow.refine.problem import Pass, PixelWeights, Problem, State
 from sixflow.refine.sharpen import sharpen
 from sixflow.refine.solution import Solution
@@ -29,17 +28,6 @@ LONG_TAIL = 1.3
 """Mean square residual over that of a Gaussian of the same mean size: outlying pixels (noise: ± 0.03)."""
 
 Array = NDArray[Any]
-
-
-def problem_of(still: Frame, moved: Frame, grid: Grid, plan: Plan) -> Problem:
-    """Return the problem of a plan's method; what it needs is loaded when it is asked for."""
-    if plan.method == "eigenfilter":
-        from sixflow.eigenfilters.problem import EigenfilterProblem
-
-        return EigenfilterProblem(still, moved, grid, plan)
-    from sixflow.refine.least_squares import LeastSquares
-
-    return LeastSquares(still, moved, grid, plan)
 
 
 def refine(problem: Problem, start: Array, *, sharpened: bool = False) -> Solution:

@@ -18,9 +18,9 @@ from sixflow.engine.blend import resample_strip, twist_of
 from sixflow.engine.threads import over_strips
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import settle, typical
+from sixflow.method import problem_of
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
-from sixflow.refine.iterate import problem_of
 from sixflow.refine.problem import State
 from sixflow.search.shift import common_shift
 
