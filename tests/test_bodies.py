@@ -5,11 +5,13 @@ import pytest
 
 import measured
 import naive
-from sixflow import InputError, between, measure, measure_sequence
+from sixflow import InputError, measure, measure_sequence
 from sixflow.engine.window import window_sigma
 from sixflow.masks import REACH, Bodies, Masks
+from sixflow.pair import body as between
 from sixflow.pair.body import Between
-from sixflow.prepare.frame import NO_MASK, flatten_lighting
+from sixflow.prepare.frame import NO_MASK
+from sixflow.prepare.light import flatten_lighting
 from sixflow.synth import Affine, Sensor, Speckle, pair, render
 
 SIZE, EDGE, SHIFT = 176, 88, 1.3

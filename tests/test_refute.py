@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 import naive
-from sixflow import between, measure
+from sixflow import measure
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.convention.reference import SHARE
+from sixflow.engine.scales import OF_CONTRAST, local_contrast
 from sixflow.engine.window import attenuation_period, window_sigma
 from sixflow.judge.contradiction import curvature, gradient_variances
 from sixflow.judge.edges import DISTANCES, ERRORS, EVIDENCE, EXPLAINED, FLOOR, FOREIGN, GAP, refuted
 from sixflow.maps.grid import Grid
+from sixflow.pair import body as between
 from sixflow.prepare.frame import Frame
-from sixflow.refine.passes import OF_CONTRAST
 from sixflow.refine.quality import Quality
 from sixflow.settings import Settings
 from sixflow.synth import Affine, Sensor, Speckle, Star, pair, render
@@ -72,7 +73,7 @@ def fattened(maps, points):
 def twin(frames, maps, light=None, reference="first"):
     """Every neighbour tried on all pixels, by direct sums."""
     images = [frame.image for frame in frames]
-    least = (OF_CONTRAST * images[0][::4, ::4].std()) ** 2
+    floors = (OF_CONTRAST * local_contrast(images[0], EVERYWHERE, GRID.y, GRID.x)) ** 2
     share, sigma, degree = SHARE[reference], window_sigma(WINDOW), 5
     variances = gradient_variances(quality().covariance)
     bend, found = curvature(maps, STEP, WINDOW), np.zeros(GRID.shape, bool)
@@ -131,7 +132,7 @@ def twin(frames, maps, light=None, reference="first"):
                         for r in (mine, other)
                     )
                     count = w.sum() ** 2 / (w**2).sum()
-                    ratio = count / 2 * (left - instead) / max(min(left, instead), least)
+                    ratio = count / 2 * (left - instead) / max(min(left, instead), floors[j, i])
                     explained = instead < power * (1 + EXPLAINED * np.sqrt(2 / count))
                     found[j, i] |= explained and ratio > EVIDENCE * np.sqrt(3 * count) / 2
     return found

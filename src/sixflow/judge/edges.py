@@ -37,7 +37,7 @@ then n's motion is out (Wald's sequential test). In smooth motion one or two row
 | σ | `sigma`, of the window about p |
 | a | `GAP` windows: pixels nearer to p belong to the edge of either side |
 | noise | `noise`, of one frame; not less than ν₀/√2 |
-| ν₀ | `OF_CONTRAST` of frame 0's contrast |
+| ν₀ | `OF_CONTRAST` of frame 0's contrast around p |
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ from numpy.typing import NDArray
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.convention.reference import SHARE
 from sixflow.engine.compiler import kernel
+from sixflow.engine.scales import OF_CONTRAST, local_contrast
 from sixflow.engine.spline import DEGREE
 from sixflow.engine.threads import over_strips
 from sixflow.engine.warp import warp_row
 from sixflow.judge.contradiction import curvature, gradient_variances
 from sixflow.maps.grid import Grid
 from sixflow.prepare.frame import Frame
-from sixflow.refine.passes import OF_CONTRAST
 from sixflow.refine.quality import Quality
 from sixflow.settings import Settings
 
@@ -212,8 +212,8 @@ def _refuted_strip(
     frames: tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]],
     maps: NDArray[Any], variances: NDArray[Any], bend: NDArray[Any], noise: NDArray[Any],
     light: NDArray[Any], asked: NDArray[Any], suspects: NDArray[Any], reach: NDArray[Any],
-    window: NDArray[Any], grid: tuple[int, int, int], share: float, taps: int, floor: float, start: int, stop: int,
-    found: NDArray[Any],
+    window: NDArray[Any], grid: tuple[int, int, int], share: float, taps: int, floor: NDArray[Any], start: int,
+    stop: int, found: NDArray[Any],
 ) -> None:  # fmt: skip
     """Try the neighbours' maps on the pixels of both frames; `found` receives who is refuted."""
     rows, columns = suspects.shape
@@ -246,8 +246,8 @@ def _refuted_strip(
                         length = math.hypot(di, dj)
                         ahead = di / length, dj / length
                         clear = _evidence(
-                            frames, share, mine, told, px, py, tone, ahead, sigma, gap, power, floor, scratch,
-                            own, known, other,
+                            frames, share, mine, told, px, py, tone, ahead, sigma, gap, power, floor[j, i],
+                            scratch, own, known, other,
                         )  # fmt: skip
                         found[j, i] = clear > EVIDENCE
 
@@ -319,16 +319,16 @@ def refuted(
     variances = gradient_variances(quality.covariance)
     bend = curvature(np.where(asked, maps, np.nan), grid.step, float(np.median(window[suspects])))
     degree, share = DEGREE[settings.interpolation], SHARE[settings.reference]
-    none = np.empty((0, 0), still.image.dtype)
+    none, valid = np.empty((0, 0), still.image.dtype), still.interpolable() if share else still.valid
     frames = (
         still.image,
         still.coefficients(degree) if share else none,
-        still.interpolable() if share else still.valid,
+        valid,
         moved.coefficients(degree),
         moved.interpolable(),
     )
     light = np.empty((0, 0, 2)) if quality.light is None else np.asarray(quality.light, np.float64)
-    least = OF_CONTRAST / math.sqrt(2) * float(still.image[::4, ::4].std())
+    least = OF_CONTRAST / math.sqrt(2) * local_contrast(still.image, valid, grid.y, grid.x)
     noise = np.maximum(quality.noise, least)
     over_strips(
         lambda a, b: _refuted_strip(

@@ -26,8 +26,8 @@ from sixflow.maps.placing import placed
 from sixflow.maps.restriction import joined
 from sixflow.pair.bodies import Start, share_failed
 from sixflow.prepare.frame import Frame
-from sixflow.prepare.lighting import confirmed
-from sixflow.prepare.region_light import RegionLight
+from sixflow.prepare.light import BodyLight
+from sixflow.prepare.lighting import Light, confirmed
 from sixflow.refine.iterate import refine
 from sixflow.refine.method import passes_of
 from sixflow.refine.quality import Quality
@@ -67,8 +67,8 @@ class Between:
         `reference` is "first" or "middle": who sees from frame 1 takes the frames the other way round. `lighting` is
         not "auto".
     workspace : Workspace
-    light : RegionLight, optional
-        What divides out the local light of the body alone.
+    light : BodyLight, optional
+        What divides out the local light of the body in frame 1, where the motion carries it.
     doubtful : bool
         Whether `lighting` holds only if the matched windows say so too.
     """
@@ -79,7 +79,7 @@ class Between:
     grid: Grid
     settings: Settings
     workspace: Workspace
-    light: RegionLight | None = None
+    light: BodyLight | None = None
     doubtful: bool = False
 
     def measure(self, start: Start | None = None, guess: NDArray[np.float64] | None = None) -> Measured:
@@ -113,7 +113,7 @@ class Between:
 
     def _confirmed(self, found: Judged) -> bool:
         light = found.quality.light
-        return light is None or confirmed(light, ~found.failed, float(self.still.image[::4, ::4].std()))
+        return light is None or confirmed(light, ~found.failed, Light.of(self.still).spread)
 
     def _found(self, simple: Settings, start: Start | None, guess: NDArray[np.float64] | None) -> Judged:
         """What the search finds, or what a start leads to."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,8 @@ from sixflow.field.dataset import build_field
 from sixflow.field.interval import statement
 from sixflow.frames.times import PairTimes
 from sixflow.maps.grid import Grid
-from sixflow.masks import Bodies
-from sixflow.prepare.frame import Frame, both_valid
+from sixflow.prepare.frame import both_valid
+from sixflow.prepare.prepare import Prepared
 from sixflow.recording.trajectory import Motion, one_frames_share
 from sixflow.settings import Settings
 from sixflow.version import __version__
@@ -60,45 +59,6 @@ class PairResult:
         )
 
 
-@dataclasses.dataclass
-class Prepared:
-    """A frame that has been checked and normalised, with what is remembered of the raw one.
-
-    `unlit` is the frame before its local light was divided out; `copied`, of a pair, is True at pixels that a codec
-    took over from one frame to the other (`sixflow.prepare.copies`).
-    """
-
-    frame: Frame
-    digesting: Future[bytes]
-    mean: float
-    spread: float
-    notes: tuple[str, ...]
-    bodies: Bodies | None = None
-    unlit: Frame | None = None
-    copied: NDArray[np.bool_] | None = None
-
-    def evidence(self, frame: Frame, part: tuple[slice, slice]) -> Frame:
-        """A part of this frame without the pixels that were copied."""
-        if self.copied is None:
-            return frame
-        return frame.within(both_valid((~self.copied[part]).astype(np.uint8), frame.valid))
-
-    @property
-    def raw(self) -> Frame:
-        """The frame with its local light."""
-        return self.frame if self.unlit is None else self.unlit
-
-    @property
-    def digest(self) -> bytes:
-        """SHA-256 of the raw frame."""
-        return self.digesting.result()
-
-    @property
-    def mask_content(self) -> bytes:
-        """The mask, for digests; empty without one."""
-        return b"" if self.bodies is None else self.bodies.content
-
-
 def same_content(reference: Prepared, moved: Prepared) -> bool:
     """Whether two frames are the same to the last bit, or what their masks leave of them is."""
     if reference.digest == moved.digest:
@@ -108,8 +68,9 @@ def same_content(reference: Prepared, moved: Prepared) -> bool:
     ]
     if not masks:
         return False
-    counted = both_valid(*masks, reference.raw.valid, moved.raw.valid).astype(bool)
-    return bool(counted.any() and np.array_equal(reference.raw.image[counted], moved.raw.image[counted]))
+    frames = reference.frame, moved.frame
+    counted = both_valid(*masks, *(frame.valid for frame in frames)).astype(bool)
+    return bool(counted.any() and np.array_equal(*(frame.image[counted] for frame in frames)))
 
 
 def field_of_pair(

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import math
 from typing import Any
@@ -17,9 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.engine.lowpass import lowpass_noise
-from sixflow.engine.threads import beside
 from sixflow.errors import BadFrameError, InputError
-from sixflow.frames.floor import Floor, rounding_noise
+from sixflow.frames.floor import Floor
 from sixflow.frames.times import PairTimes
 from sixflow.judge.replace import predictions
 from sixflow.maps.grid import Grid
@@ -30,24 +28,13 @@ from sixflow.masks.outlines import region_of
 from sixflow.masks.said import said_of_mask
 from sixflow.pair.bodies import Found, Part, Start, room_to_move, share_failed, with_margin
 from sixflow.pair.body import Between
-from sixflow.pair.result import PairResult, Prepared, field_of_pair, same_content
+from sixflow.pair.result import PairResult, field_of_pair, same_content
 from sixflow.pair.unmeasured import repeated
-from sixflow.prepare.copies import copied_pixels
-from sixflow.prepare.defects import without_defects
-from sixflow.prepare.frame import (
-    Frame,
-    both_valid,
-    check_frame,
-    flattened,
-    range_of,
-    require_contrast,
-    require_range,
-    to_image,
-)
+from sixflow.prepare.frame import NO_MASK, Frame, both_valid
+from sixflow.prepare.image import Grey, check_frame, range_of, require_contrast
 from sixflow.prepare.interlacing import InterlacingCheck
-from sixflow.prepare.lighting import Change
-from sixflow.prepare.nodata import without_blanks
-from sixflow.prepare.region_light import RegionLight
+from sixflow.prepare.light import BodyLight, body_lit
+from sixflow.prepare.prepare import Prepared, prepare_frame, prepare_pair
 from sixflow.refine.resolution import search_settings
 from sixflow.refine.workspace import Workspace
 from sixflow.search.guess import Guess, is_stored_in_settings, maps_of_guess
@@ -121,35 +108,16 @@ class Session:
         array = check_frame(raw, name)
         require_contrast(array, name)  # before it sets grid and grey constant for all others
         if self.shape is None:
-            self._begin(array, name)
+            self._begin(array, name, bodies)
         if array.shape != self.shape:
             raise BadFrameError(
                 f"{name} has shape {array.shape}, the first frame {self.shape}: "
                 "all frames must have one shape; crop or resample them"
             )
-        within = self.bodies_of(bodies)
-        digest = beside(lambda: hashlib.sha256(np.ascontiguousarray(array).data).digest())
-        image, valid, missing = to_image(array, self.constant, self.dtype, self.scale)
-        if missing == array.size:
-            raise BadFrameError(
-                f"{name} has no pixel of a size that can be computed with; scale its grey values"
-            )
-        require_range(image, self.scale, name)
-        notes = self.interlacing.notes(image, name)
-        notes += (
-            (f"{name}: {missing} pixels without a value (NaN or infinite) are masked",) if missing else ()
-        )
-        sample = _sample(
-            image, valid if within is None else both_valid((within.labels != 0).astype(np.uint8), valid)
-        )
-        mean, spread = float(sample.mean()) / self.scale, float(sample.std()) / self.scale
-        floor, rounded = self.floor.under(array)
-        frame, unlit = Frame(image, valid, floor=floor * self.scale, rounded=rounded), None
-        if self.settings.lighting == "local":
-            frame, unlit = flattened(frame, self.settings.sigma), frame
-        if not lasting:
-            digest.result()
-        return Prepared(frame, digest, mean, spread, notes, within, unlit)
+        return prepare_frame(
+            array, name, self.bodies_of(bodies), Grey(self.constant, self.scale, self.dtype),
+            floor=self.floor, interlacing=self.interlacing, lasting=lasting,
+        )  # fmt: skip
 
     def bodies_of(self, mask: AnyBodies) -> Bodies | None:
         """What a frame's mask and the region of the settings leave of it."""
@@ -163,8 +131,8 @@ class Session:
             self._within = bodies, left
         return self._within[1]
 
-    def _begin(self, first: NDArray[Any], name: str) -> None:
-        """Take shape, grid and the grey constant from the first frame."""
+    def _begin(self, first: NDArray[Any], name: str, mask: AnyBodies) -> None:
+        """Take shape, grid and the grey constant from the first frame, of the pixels that its mask leaves."""
         height, width = first.shape
         self.settings = search_settings(self.asked, first.shape)
         if min(height, width) < self.settings.window:
@@ -174,10 +142,14 @@ class Session:
             )
         self.shape = (height, width)
         self.grid = Grid.over(self.shape, self.settings.step)
-        self.constant, self.scale = range_of(first[::4, ::4], name)
         asked = self.asked
         self.guess_maps = None if self.guess is None else maps_of_guess(self.guess, self.grid)
         self.region = region_of(self.shape, asked.roi, asked.polygons, asked.holes)
+        bodies, some = self.bodies_of(mask), (slice(None, None, 4),) * 2
+        values = first[some] if bodies is None else first[some][bodies.labels[some] != 0]
+        if bodies is not None and not values.size:
+            values = first[bodies.labels != 0]
+        self.constant, self.scale = range_of(values, name)
 
     def measure_pair(
         self, reference: Prepared, moved: Prepared, numbers: tuple[int, int], start: Start | None = None
@@ -194,18 +166,12 @@ class Session:
         """
         if same_content(reference, moved):
             return repeated(self, reference, moved, numbers)
-        change, dead, blank = Change.between(reference, moved), 0, (0, 0)
+        pair = prepare_pair(
+            reference, moved, masks_move=self.masks_move, robust=self.asked.robust, copies=self.floor.copies,
+            lowpass=self.asked.lowpass, scale=self.scale,
+        )  # fmt: skip
+        reference, moved, change = pair.reference, pair.moved, pair.change
         settings = change.settings(self.asked)
-        reference, moved, copied = self._without_copies(reference, moved)
-        if settings.robust:
-            reference, moved, blank = self._without_blanks(reference, moved)
-            frame, moved_frame, dead = without_defects(reference.frame, moved.frame)
-            reference = dataclasses.replace(reference, frame=frame)
-            moved = dataclasses.replace(moved, frame=moved_frame)
-        if settings.lowpass:
-            reference, moved = (
-                self._with_raw(one, one.raw.lowpassed(settings.lowpass)) for one in (reference, moved)
-            )
         bodies = reference.bodies
         if bodies is None or len(bodies.boxes) < 2:
             found = self._piece(reference, moved, settings, None, self.everywhere, self.everywhere, start)
@@ -243,7 +209,7 @@ class Session:
             body = np.where(flag & FLAGS["masked"], 0, number).astype(np.int32)
         change_notes = change.notes(self.asked, found.lighting, numbers)
         notes = (*self._notes_of_masks(reference, moved), *reference.notes, *moved.notes, *change_notes)
-        notes += _notes_of_pixels(numbers, blank, copied, dead)
+        notes += pair.notes(numbers)
         windows = found.window[~failed] if not failed.all() else found.window
         return PairResult(
             **measured, flag=flag, body=body, window=float(np.nanmedian(windows)), numbers=numbers,
@@ -257,32 +223,6 @@ class Session:
             if bodies is not None:
                 notes += said_of_mask(bodies, self.settings.window)
         return tuple(dict.fromkeys(notes))
-
-    def _without_blanks(
-        self, reference: Prepared, moved: Prepared
-    ) -> tuple[Prepared, Prepared, tuple[int, int]]:
-        """The frames without what lies beyond their content, and the number of these pixels in each."""
-        first, second, count = without_blanks(reference.raw, moved.raw)
-        if not any(count):
-            return reference, moved, count
-        return self._with_raw(reference, first), self._with_raw(moved, second), count
-
-    def _without_copies(self, reference: Prepared, moved: Prepared) -> tuple[Prepared, Prepared, float]:
-        """The frames, with what a codec copied from one to the other, and its share of the pixels."""
-        if not self.floor.copies:
-            return reference, moved, 0.0
-        images = reference.raw.image, moved.raw.image
-        copied = copied_pixels(*images, math.sqrt(12) * rounding_noise(images[0]))
-        if not copied.any():
-            return reference, moved, 0.0
-        pair = [dataclasses.replace(one, copied=copied) for one in (reference, moved)]
-        return pair[0], pair[1], float(copied.mean())
-
-    def _with_raw(self, prepared: Prepared, raw: Frame) -> Prepared:
-        """Replace a frame as it was before its local light was divided out."""
-        if prepared.unlit is None:
-            return dataclasses.replace(prepared, frame=raw)
-        return dataclasses.replace(prepared, frame=flattened(raw, self.settings.sigma), unlit=raw)
 
     @property
     def everywhere(self) -> Part:
@@ -321,14 +261,10 @@ class Session:
             or settings.reference != "first"
         ):
             return None
-        assert reference.bodies is not None
-        everything = reference.bodies.of_number(None, self.everywhere)
-        frame = reference.frame.within(both_valid(everything, reference.frame.valid))
-        frame = reference.evidence(frame, self.everywhere)
-        if not frame.valid.any():
+        frame, _, other, _ = self._frames_of(reference, moved, None, self.everywhere, self.grid)
+        if frame.valid.size and not frame.valid.any():
             return None
         single = search_settings(settings, frame.image.shape)
-        other = moved.evidence(moved.frame, self.everywhere)
         return Start(pyramid(frame, other, self.grid, single, self.workspace))
 
     def _reported(self, bodies: Bodies, number: int) -> bool:
@@ -354,10 +290,11 @@ class Session:
     ) -> Found:
         """Measure one body (None: all that the mask leaves) in a part of the frames, at the grid points of another."""
         grid, places = self._grid_in(points, part)
-        region, asked, other = self._frames_of(reference, moved, number, part)
+        region, asked, other, light = self._frames_of(reference, moved, number, part, grid)
+        if number is None:
+            _require_pixels(asked, other)
         known = None if start is None else start.of(number, places, grid)
         guess = None if self.guess_maps is None else self.guess_maps[(slice(None), *places)]
-        light = self._light(reference, moved, number, part, grid)
         doubtful = self.asked.lighting == "auto" and settings.lighting == "gain+offset"
         if settings.reference == "second":
             # frame 1 is the one that stays: frame 0 is found from it, backwards
@@ -381,61 +318,34 @@ class Session:
         )  # fmt: skip
 
     def _frames_of(
-        self, reference: Prepared, moved: Prepared, number: int | None, part: Part
-    ) -> tuple[Frame, Frame, Frame]:
-        """Frame 0 where it counts for a body, frame 0 where that is asked for, and frame 1 where it may be."""
-        region = asked = reference.frame.part(part)
-        other = moved.frame.part(part)
-        bodies = reference.bodies
+        self, reference: Prepared, moved: Prepared, number: int | None, part: Part, grid: Grid
+    ) -> tuple[Frame, Frame, Frame, BodyLight | None]:
+        """Frame 0 where it counts for a body, frame 0 where that is asked for, and frame 1 where it may be; and what
+        divides out the light of the body in frame 1.
+        """
+        asked, other, light = reference.frame.part(part), moved.frame.part(part), None
+        bodies, there = reference.bodies, moved.bodies if self.masks_move else None
         if bodies is not None:
-            asked = region.within(both_valid(bodies.of_number(number, part), region.valid))
-            region = asked
-            if bodies.clear is not None:
-                region = region.within(both_valid(asked.valid, bodies.clear[part]))
-            if number is None and not region.valid.any():
-                raise BadFrameError(
-                    "mask is True only where frame 0 has no value (NaN or infinite): nothing is left to measure"
-                )
-        if self.masks_move and moved.bodies is not None:
+            asked = asked.within(_where(bodies.of_number(number, part), asked))
+        if there is not None:
             # the region of the settings is that of frame 0: what moves out of it is still there
-            there = moved.bodies.whole or moved.bodies
-            own = there.of_number(self._partner(reference, moved, number), part)
-            other = other.within(both_valid(own, other.valid))
-            if number is None and not other.valid.any():
-                raise BadFrameError(
-                    "mask of the second frame is True only where that has no value (NaN or infinite): "
-                    "nothing is left to measure"
-                )
-        return reference.evidence(region, part), asked, moved.evidence(other, part)
+            partner = self._partner(reference, moved, number)
+            other = other.within(_where((there.whole or there).of_number(partner, part), other))
+        if self.settings.lighting == "local":
+            carried = (
+                None if bodies is None or there is not None else (grid, self.settings.reference == "second")
+            )
+            asked, other, light = body_lit(asked, other, self.settings.sigma, carried=carried)
+        region = asked
+        if bodies is not None and bodies.clear is not None:
+            region = asked.within(both_valid(asked.valid, bodies.clear[part]))
+        return reference.evidence(region, part), asked, moved.evidence(other, part), light
 
     @staticmethod
     def _partner(reference: Prepared, moved: Prepared, number: int | None) -> int | None:
         """Number of a body in frame 1; None for any, where the numbers are not given in both frames."""
         named = [frame.bodies is not None and frame.bodies.named for frame in (reference, moved)]
         return number if all(named) else None
-
-    def _light(
-        self,
-        reference: Prepared,
-        moved: Prepared,
-        number: int | None,
-        part: Part,
-        grid: Grid,
-    ) -> RegionLight | None:
-        """What divides out the local light inside a body alone; None where there is no body, or no need."""
-        bodies = reference.bodies
-        if bodies is None or reference.unlit is None or moved.unlit is None:
-            return None
-        there = None
-        if self.masks_move and moved.bodies is not None:
-            there = (moved.bodies.whole or moved.bodies).of_number(
-                self._partner(reference, moved, number), part
-            )
-        backwards = self.settings.reference == "second"
-        frames = reference.unlit.part(part), moved.unlit.part(part)
-        return RegionLight(
-            *frames, bodies.of_number(number, part), there, grid, self.settings.sigma, backwards
-        )
 
     def field(
         self, result: PairResult, times: PairTimes, names: NDArray[Any] | None = None, **attrs: Any
@@ -467,34 +377,19 @@ class Session:
         return field.assign(guess=(("time", "y", "x", "param"), six[None], said))
 
 
-def _notes_of_pixels(
-    numbers: tuple[int, int], blank: tuple[int, int], copied: float, dead: int
-) -> tuple[str, ...]:
-    """What was done to pixels of a pair: the number that is blank in each frame, the share of copies, dead ones."""
-    notes = [
-        f"frame {number}: {count} pixels of one value at the rim, where the other frame has content, are taken for "
-        "beyond its end"
-        for number, count in zip(numbers, blank, strict=True)
-        if count
-    ]
-    pair = f"frames {numbers[0]} and {numbers[1]}"
-    if copied:
-        notes.append(
-            f"{pair}: {copied:.0%} of the pixels are copies that the video codec made of the frame before; they are no "
-            "evidence of motion, and are left out"
-        )
-    if dead:
-        notes.append(f"{pair}: {dead} dead or hot pixels were replaced")
-    return tuple(notes)
+def _where(region: NDArray[np.uint8], frame: Frame) -> NDArray[np.uint8]:
+    """Where a frame is valid in a region; `NO_MASK` where that is everywhere."""
+    valid = both_valid(region, frame.valid)
+    return NO_MASK if valid.all() else valid
 
 
-def _sample(image: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
-    """Every fourth pixel of every fourth row, of those that count; one zero if none does."""
-    if not valid.size:
-        return image[::4, ::4]
-    counted = valid.astype(bool)
-    some = image[::4, ::4][counted[::4, ::4]]
-    return some if some.size else image[counted] if counted.any() else np.zeros(1, image.dtype)
+def _require_pixels(asked: Frame, other: Frame) -> None:
+    """Require both frames to have values where their masks are True."""
+    for frame, which, name in ((asked, "mask", "frame 0"), (other, "mask of the second frame", "that")):
+        if frame.valid.size and not frame.valid.any():
+            raise BadFrameError(
+                f"{which} is True only where {name} has no value (NaN or infinite): nothing is left to measure"
+            )
 
 
 def _replace(

@@ -17,8 +17,9 @@ from sixflow.errors import BadFrameError, SixflowError
 from sixflow.frames.bad import BadFrame
 from sixflow.maps.placing import masked_points
 from sixflow.masks import AnyBodies, Bodies
-from sixflow.pair.result import PairResult, Prepared
+from sixflow.pair.result import PairResult
 from sixflow.prepare.frame import NO_MASK, both_valid
+from sixflow.prepare.prepare import Prepared
 
 if TYPE_CHECKING:
     from sixflow.pair.bodies import Start
@@ -125,7 +126,7 @@ def _unmeasured(
     def nothing(*more: int) -> NDArray[Any]:
         return np.full((*grid.shape, *more), np.nan, session.dtype)
 
-    valid = NO_MASK if isinstance(reference, BadFrame) else reference.raw.valid
+    valid = NO_MASK if isinstance(reference, BadFrame) else reference.frame.valid
     if bodies is not None:
         valid = both_valid((bodies.labels != 0).astype(np.uint8), valid)
     still = np.full((6, *grid.shape), np.nan)

@@ -49,9 +49,6 @@ GRID_STRIP = 16
 CONTRACTION = 0.05  # what a pass leaves of the distance to its fixed point, at least (measured: 0.01 to 0.03)
 WEIGHED_CONTRACTION = 0.4  # the same where weights change from pass to pass
 FREEZE = 10  # weighed passes after which the weights stay: pixels in doubt could change sides for ever
-OF_CONTRAST = (
-    0.02  # of the frame's contrast: a residual that no pixel is called foreign for is 3.5 times that
-)
 LONG_TAIL = (
     1.3  # mean square residual over that of a Gaussian of the same mean size: foreign pixels (noise: ± 0.03)
 )
@@ -220,11 +217,11 @@ class Passes:
         """Take the weight of foreign pixels out of what the warp left in the workspace."""
         shape, array = self.reference.image.shape, self.workspace.array
         residual, weight = array("residual", shape, self.dtype), array("pixel_weight", shape, self.dtype)
-        floor = OF_CONTRAST * float(self.reference.image[::4, ::4].std())
         if not self._weighings:
             weight[:] = 1
         if self._weighings < FREEZE:
-            find_weights(residual, *self._images()[:2], array("raw_weight", shape, self.dtype), weight, floor)
+            raw = array("raw_weight", shape, self.dtype)
+            find_weights(residual, *self._images()[:2], self.still(), raw, weight)
         apply_weights(weight, *self._images(), residual, array("gradient_power", shape, self.dtype))
         self._weighings += 1
 

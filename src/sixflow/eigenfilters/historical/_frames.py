@@ -12,7 +12,7 @@ from scipy import ndimage
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
 from sixflow.maps.grid import Grid
-from sixflow.prepare.frame import check_frame
+from sixflow.prepare.image import check_frame
 from sixflow.synth.check import number, require, whole
 
 Array = NDArray[Any]
