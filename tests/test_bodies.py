@@ -10,7 +10,8 @@ from sixflow.engine.window import window_sigma
 from sixflow.masks import REACH, Bodies, Masks
 from sixflow.pair import body
 from sixflow.pair.body import Body
-from sixflow.prepare.frame import NO_MASK, flatten_lighting
+from sixflow.prepare.frame import NO_MASK
+from sixflow.prepare.light import flatten_lighting
 from sixflow.synth import Affine, Sensor, Speckle, pair, render
 
 SIZE, EDGE, SHIFT = 176, 88, 1.3

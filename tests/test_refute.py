@@ -10,6 +10,7 @@ from sixflow import measure
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.convention.reference import SHARE
 from sixflow.engine.evidence import ERRORS, EVIDENCE, EXPLAINED, FOREIGN, GAP, LEFT_TO_STAND
+from sixflow.engine.scales import OF_CONTRAST, local_contrast
 from sixflow.engine.window import attenuation_period, window_sigma
 from sixflow.judge.contradiction import gradient_variances
 from sixflow.judge.edges import DISTANCES, refuted
@@ -17,7 +18,6 @@ from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import curvature
 from sixflow.pair import body
 from sixflow.prepare.frame import Frame
-from sixflow.refine.least_squares import OF_CONTRAST
 from sixflow.synth import Affine, Sensor, Speckle, Star, pair, render
 from solved import plan_of, solution_of
 
@@ -75,7 +75,7 @@ def fattened(maps, points):
 def twin(frames, maps, light=None, reference="first"):
     """Every neighbour tried on all pixels, by direct sums."""
     images = [frame.image for frame in frames]
-    least = (OF_CONTRAST * images[0][::4, ::4].std()) ** 2
+    floors = (OF_CONTRAST * local_contrast(images[0], EVERYWHERE, GRID.y, GRID.x)) ** 2
     share, sigma, degree = SHARE[reference], window_sigma(WINDOW), 5
     variances = gradient_variances(covariance())
     bend, found = curvature(maps, STEP, WINDOW), np.zeros(GRID.shape, bool)
@@ -134,7 +134,7 @@ def twin(frames, maps, light=None, reference="first"):
                         for r in (mine, other)
                     )
                     count = w.sum() ** 2 / (w**2).sum()
-                    ratio = count / 2 * (left - instead) / max(min(left, instead), least)
+                    ratio = count / 2 * (left - instead) / max(min(left, instead), floors[j, i])
                     explained = instead < power * (1 + EXPLAINED * np.sqrt(2 / count))
                     found[j, i] |= explained and ratio > EVIDENCE * np.sqrt(3 * count) / 2
     return found

@@ -160,8 +160,8 @@ def refuted_strip(
     frames: tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]],
     maps: NDArray[Any], variances: NDArray[Any], bend: NDArray[Any], noise: NDArray[Any],
     light: NDArray[Any], asked: NDArray[Any], suspects: NDArray[Any], reach: NDArray[Any],
-    window: NDArray[Any], grid: tuple[int, int, int], share: float, taps: int, floor: float, start: int, stop: int,
-    found: NDArray[Any],
+    window: NDArray[Any], grid: tuple[int, int, int], share: float, taps: int, floor: NDArray[Any], start: int,
+    stop: int, found: NDArray[Any],
 ) -> None:  # fmt: skip
     """Try the neighbours' maps on the pixels of both frames; `found` receives who is refuted."""
     rows, columns = suspects.shape
@@ -194,7 +194,7 @@ def refuted_strip(
                         length = math.hypot(di, dj)
                         ahead = di / length, dj / length
                         clear = _evidence(
-                            frames, share, mine, told, px, py, tone, ahead, sigma, gap, power, floor, scratch,
-                            own, known, other,
+                            frames, share, mine, told, px, py, tone, ahead, sigma, gap, power, floor[j, i],
+                            scratch, own, known, other,
                         )  # fmt: skip
                         found[j, i] = clear > EVIDENCE

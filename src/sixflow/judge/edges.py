@@ -37,7 +37,7 @@ then n's motion is out (Wald's sequential test). In smooth motion one or two row
 | σ | `sigma`, of the window about p |
 | a | `GAP` windows: pixels nearer to p belong to the edge of either side |
 | noise | `noise`, of one frame; not less than ν₀/√2 |
-| ν₀ | `OF_CONTRAST` of frame 0's contrast |
+| ν₀ | `OF_CONTRAST` of frame 0's contrast around p |
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ from numpy.typing import NDArray
 
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.engine.evidence import refuted_strip, suspects_strip
+from sixflow.engine.scales import OF_CONTRAST, local_contrast
 from sixflow.engine.threads import over_strips
 from sixflow.judge.contradiction import gradient_variances
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import curvature
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
-from sixflow.refine.least_squares import OF_CONTRAST
 from sixflow.refine.solution import Solution
 
 DISTANCES = (1.0, 1.5)
@@ -122,16 +122,16 @@ def refuted(still: Frame, moved: Frame, grid: Grid, found: Solution, plan: Plan)
     variances = gradient_variances(found.covariance)
     bend = curvature(np.where(asked, maps, np.nan), grid.step, float(np.median(window[suspects])))
     degree, share = plan.degree, plan.share
-    none = np.empty((0, 0), still.image.dtype)
+    none, valid = np.empty((0, 0), still.image.dtype), still.interpolable() if share else still.valid
     frames = (
         still.image,
         still.coefficients(degree) if share else none,
-        still.interpolable() if share else still.valid,
+        valid,
         moved.coefficients(degree),
         moved.interpolable(),
     )
     tone = np.empty((0, 0, 2)) if light is None else np.asarray(light, np.float64)
-    least = OF_CONTRAST / math.sqrt(2) * float(still.image[::4, ::4].std())
+    least = OF_CONTRAST / math.sqrt(2) * local_contrast(still.image, valid, grid.y, grid.x)
     noise = np.maximum(found.statistics.noise, least)
     over_strips(
         lambda a, b: refuted_strip(

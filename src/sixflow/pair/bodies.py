@@ -5,23 +5,22 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sixflow.convention.flags import FLAGS
+from sixflow.errors import BadFrameError
 from sixflow.maps.grid import Grid
 from sixflow.maps.placing import masked_points, placed
 from sixflow.pair.body import Body
 from sixflow.pair.start import Start
 from sixflow.plan import Plan
-from sixflow.prepare.frame import both_valid
+from sixflow.prepare.frame import NO_MASK, Frame, both_valid
+from sixflow.prepare.light import BodyLight, body_lit
+from sixflow.prepare.prepare import Prepared
 from sixflow.refine.solution import Part, Solution, assembled
 from sixflow.search.pyramid import pyramid
-
-if TYPE_CHECKING:
-    from sixflow.pair.result import Prepared
-    from sixflow.pair.session import Session
 
 FAILED = 0.5
 """Share of a body's points that have to fail near where it was, before it is sought in the whole frame."""
@@ -44,21 +43,29 @@ def room_to_move(box: Part, window: float) -> int:
 
 
 @dataclasses.dataclass(frozen=True)
-class Bodies:
+class PairBodies:
     """The bodies of a prepared pair of frames, and how they are measured.
 
     Attributes
     ----------
-    session : Session
     reference, moved : Prepared
+        The two frames, prepared together.
     plan : Plan
         With the lighting that was found for this pair.
+    masks_move : bool
+        Whether there is a mask for each frame.
+    guess : array, shape (6, rows, columns), or None
+        A user's first guess, at points of frame 0.
+    doubtful : bool
+        Whether the lighting holds only if the matched windows say so too.
     """
 
-    session: Session
     reference: Prepared
     moved: Prepared
     plan: Plan
+    masks_move: bool = False
+    guess: NDArray[np.float64] | None = None
+    doubtful: bool = False
 
     def measure(self, start: Start | None) -> Solution:
         """Measure every body; where there is one only, all that the mask leaves.
@@ -117,38 +124,79 @@ class Bodies:
 
     def _in_common(self) -> Start | None:
         """Search the motion of all bodies as one: a start for each; a body that it misses is searched by itself."""
-        searched = self.session.guess is None and self.plan.search in ("auto", "pyramid")
+        searched = self.guess is None and self.plan.search in ("auto", "pyramid")
         if not searched or not self._at_frame_0:
             return None
-        assert self.reference.bodies is not None
-        everything = self.reference.bodies.of_number(None, self._everywhere)
-        frame = self.reference.frame.within(both_valid(everything, self.reference.frame.valid))
-        frame = self.reference.evidence(frame, self._everywhere)
-        if not frame.valid.any():
+        still, _, moved, _ = self._frames(None, self._everywhere, self.plan.grid)
+        if still.valid.size and not still.valid.any():
             return None
-        other = self.moved.evidence(self.moved.frame, self._everywhere)
-        return Start(pyramid(frame, other, self.plan.grid, self.plan.of_search))
+        return Start(pyramid(still, moved, self.plan.grid, self.plan.of_search))
 
     def _in_part(self, number: int | None, part: Part, points: Part, start: Start | None) -> Solution:
         """Measure one body (None: all that the mask leaves) in a part of the frames, at the grid points of another."""
-        plan, session = self.plan.replace(shape=_shape_of(part)), self.session
+        plan = self.plan.replace(shape=_shape_of(part))
         grid, places = self._grid_in(points, part)
-        still, asked, moved = session._frames_of(self.reference, self.moved, number, part)
+        still, asked, moved, light = self._frames(number, part, grid)
+        if number is None:
+            _require_pixels(asked, moved)
         known = None if start is None else start.of(number, places, grid)
-        guess = None if session.guess_maps is None else session.guess_maps[(slice(None), *places)]
-        light = session._light(self.reference, self.moved, number, part, grid)
-        doubtful = session.asked.lighting == "auto" and plan.lighting == "gain+offset"
+        guess = None if self.guess is None else self.guess[(slice(None), *places)]
         if plan.reference == "second":
             # frame 1 is the one that stays: frame 0 is found from it, backwards
             known = None if known is None else known.backwards()
-            backwards = plan.replace(reference="first")
             guess = None if guess is None else -placed(guess, grid, 1.0)
-            found = Body(moved, still, moved, grid, backwards, light, doubtful).measure(known, guess)
+            backwards = plan.replace(reference="first")
+            body = Body(moved, still, moved, grid, backwards, light, self.doubtful)
+            found = body.measure(known, guess)
             found = found.replace(maps=-found.maps)
         else:
-            found = Body(still, moved, asked, grid, plan, light, doubtful).measure(known, guess)
+            body = Body(still, moved, asked, grid, plan, light, self.doubtful)
+            found = body.measure(known, guess)
         masked = masked_points(found.maps, grid, asked.valid, plan.reference)
         return found.replace(flag=np.where(masked, FLAGS["masked"], found.flag).astype(np.uint16))
+
+    def _frames(
+        self, number: int | None, part: Part, grid: Grid
+    ) -> tuple[Frame, Frame, Frame, BodyLight | None]:
+        """Frame 0 where it counts for a body, frame 0 where that is asked for, and frame 1 where it may be; and what
+        divides out the light of the body in frame 1.
+        """
+        reference, moved, plan = self.reference, self.moved, self.plan
+        asked, other, light = reference.frame.part(part), moved.frame.part(part), None
+        bodies, there = reference.bodies, moved.bodies if self.masks_move else None
+        if bodies is not None:
+            asked = asked.within(_where(bodies.of_number(number, part), asked))
+        if there is not None:
+            # the region of the settings is that of frame 0: what moves out of it is still there
+            other = other.within(_where((there.whole or there).of_number(self._partner(number), part), other))
+        if plan.lighting == "local":
+            carries = bodies is not None and there is None
+            carried = (grid, plan.reference == "second") if carries else None
+            asked, other, light = body_lit(asked, other, plan.window.sigma, carried=carried)
+        still = asked
+        if bodies is not None and bodies.clear is not None:
+            still = asked.within(both_valid(asked.valid, bodies.clear[part]))
+        return reference.evidence(still, part), asked, moved.evidence(other, part), light
+
+    def _partner(self, number: int | None) -> int | None:
+        """Number of a body in frame 1; None for any, where the numbers are not given in both frames."""
+        named = [one.bodies is not None and one.bodies.named for one in (self.reference, self.moved)]
+        return number if all(named) else None
+
+
+def _where(region: NDArray[np.uint8], frame: Frame) -> NDArray[np.uint8]:
+    """Where a frame is valid in a region; `NO_MASK` where that is everywhere."""
+    valid = both_valid(region, frame.valid)
+    return NO_MASK if valid.all() else valid
+
+
+def _require_pixels(asked: Frame, other: Frame) -> None:
+    """Require both frames to have values where their masks are True."""
+    for frame, which, name in ((asked, "mask", "frame 0"), (other, "mask of the second frame", "that")):
+        if frame.valid.size and not frame.valid.any():
+            raise BadFrameError(
+                f"{which} is True only where {name} has no value (NaN or infinite): nothing is left to measure"
+            )
 
 
 def _shape_of(part: Part) -> tuple[int, int]:

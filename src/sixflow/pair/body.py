@@ -25,8 +25,8 @@ from sixflow.method import problem_of
 from sixflow.pair.start import Start
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
-from sixflow.prepare.lighting import confirmed
-from sixflow.prepare.region_light import RegionLight
+from sixflow.prepare.light import BodyLight
+from sixflow.prepare.lighting import Light, confirmed
 from sixflow.refine.iterate import dense, refine
 from sixflow.refine.resolution import choose
 from sixflow.refine.solution import Solution
@@ -48,8 +48,8 @@ class Body:
     plan : Plan
         `reference` is "first" or "middle": who sees from frame 1 takes the frames the other way round. `lighting` is
         not "auto".
-    light : RegionLight, optional
-        What divides out the local light of the body alone.
+    light : BodyLight, optional
+        What divides out the local light of the body in frame 1, where the motion carries it.
     doubtful : bool
         Whether `lighting` holds only if the matched windows say so too.
     """
@@ -59,7 +59,7 @@ class Body:
     asked: Frame
     grid: Grid
     plan: Plan
-    light: RegionLight | None = None
+    light: BodyLight | None = None
     doubtful: bool = False
 
     def measure(self, start: Start | None = None, guess: NDArray[np.float64] | None = None) -> Solution:
@@ -88,7 +88,7 @@ class Body:
     def _confirmed(self, found: Solution) -> bool:
         """Whether the windows of the search show the change of light too."""
         light = found.light
-        return light is None or confirmed(light, ~found.failed, float(self.still.image[::4, ::4].std()))
+        return light is None or confirmed(light, ~found.failed, Light.of(self.still).spread)
 
     def _found(self, start: Start | None, guess: NDArray[np.float64] | None) -> Solution:
         """What the search finds, or what a start leads to."""

@@ -36,10 +36,11 @@ from sixflow.maps.motion import Motion
 from sixflow.maps.neighbours import fill_failed
 from sixflow.maps.placing import leaves
 from sixflow.masks import AnyBodies, Masks
-from sixflow.pair.result import PairResult, Prepared
+from sixflow.pair.result import PairResult
 from sixflow.pair.session import Session
 from sixflow.pair.start import Start
 from sixflow.pair.unmeasured import Tried, try_frame, try_pair
+from sixflow.prepare.prepare import Prepared
 from sixflow.recording.schedule import Recording
 from sixflow.recording.trajectory import carried, joined
 

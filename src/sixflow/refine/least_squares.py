@@ -44,9 +44,6 @@ from sixflow.refine.sweep import (
 )
 
 GRID_STRIP = 16
-OF_CONTRAST = 0.02
-"""Of the frame's contrast: a residual of up to 3.5 times that is not outlying."""
-
 Array = NDArray[Any]
 
 
@@ -156,8 +153,7 @@ class LeastSquares:
         shape, dtype = images.residual.shape, images.residual.dtype
         raw = np.empty(shape, dtype)
         weight = np.ones(shape, dtype) if weights.weight is None else weights.weight.copy()
-        floor = OF_CONTRAST * float(self.still.image[::4, ::4].std())
-        find_weights(images.residual, images.gradient_x, images.gradient_y, raw, weight, floor)
+        find_weights(images.residual, images.gradient_x, images.gradient_y, images.still, raw, weight)
         return PixelWeights(raw, weight, weights.times + 1, weights.partner)
 
     def _statistics(self, sums: WindowSums, update: Array) -> WindowStatistics:
