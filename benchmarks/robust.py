@@ -1,4 +1,4 @@
-"""What does not belong: unmatched particles, dead pixels, glare, motion edges, with `robust` off and on, beside
+"""Outlying pixels: unmatched particles, dead pixels, glare, motion edges, with `robust` off and on, beside
 peers.
 
     python benchmarks/robust.py            about a minute on two cores

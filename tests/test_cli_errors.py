@@ -136,11 +136,11 @@ def test_unforeseen_error_is_1(place, capsys, monkeypatch, debug):  # noqa: F811
 
 
 def test_failed_picture_leaves_none(field_file, capsys, monkeypatch):  # noqa: F811
-    def fail(field, frame, path, **options):
+    def fail(figure, path, **options):
         path.write_bytes(b"half")
         raise MemoryError("full")
 
-    monkeypatch.setattr("sixflow.plot.plot_field", fail)
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", fail)
     assert run("plot field.nc -o a.png") == 1
     assert "not enough memory (full)" in capsys.readouterr().err
     assert not list(field_file.parent.glob("*.png"))

@@ -13,7 +13,7 @@ from sixflow.maps.motion import Motion
 from sixflow.masks import Bodies
 from sixflow.measurement import join_fields
 from sixflow.recording.sequence import LOST
-from sixflow.recording.trajectory import carried, joined
+from sixflow.recording.trajectory import carried, composed
 from sixflow.synth import Affine, Sensor, Speckle, sequence
 from sixflow.write import open_field, write_field
 
@@ -45,7 +45,7 @@ def affine_motion(grid, plane, flag=0, spread=1e-4):
 def test_affine_steps_join_exactly():
     grid = Grid.over((120, 100), 8)
     one, two = (3.0, -2.0, 0.05, 0.1, -0.08, 0.02), (-1.0, 4.0, -0.1, 0.05, 0.06, 0.03)
-    made = joined(affine_motion(grid, one), affine_motion(grid, two), grid, (120, 100))
+    made = composed(affine_motion(grid, one), affine_motion(grid, two), grid, (120, 100))
     x, y = np.meshgrid(grid.x, grid.y)
     F = [np.eye(2) + np.reshape(p[2:], (2, 2)) for p in (one, two)]
     start = np.stack([x, y], axis=-1).astype(float)
@@ -64,7 +64,7 @@ def test_equal_steps_do_not_walk_at_random():
     step = affine_motion(grid, (0.5, 0.5, 0, 0, 0, 0))
     motion = step
     for _ in range(4):
-        motion = joined(motion, step, grid, (64, 64))
+        motion = composed(motion, step, grid, (64, 64))
     kept = motion.valid
     assert kept.sum() > 30
     kept[-1] = kept[:, -1] = False  # beyond the outermost points maps are extended
@@ -77,8 +77,8 @@ def test_a_lost_point_stays_lost():
     base.flag[4, 5] = FLAGS["outlier"]
     gone = affine_motion(grid, (0, 0, 0, 0, 0, 0))
     gone.flag[2, 3] = FLAGS["low_texture"]
-    made = joined(base, gone, grid, (96, 96))
-    made = joined(made, affine_motion(grid, (0, 0, 0, 0, 0, 0)), grid, (96, 96))
+    made = composed(base, gone, grid, (96, 96))
+    made = composed(made, affine_motion(grid, (0, 0, 0, 0, 0, 0)), grid, (96, 96))
     assert made.flag[4, 5] & FLAGS["outlier"]
     assert np.isnan(made.six[4, 5]).all()
     # the point itself failed, and the neighbours are a step away: its map can be told from theirs
@@ -89,7 +89,7 @@ def test_nothing_is_told_far_from_what_was_measured():
     grid = Grid.over((96, 96), 8)
     step = affine_motion(grid, (0, 0, 0, 0, 0, 0))
     step.flag[:, 6:] = FLAGS["unmatched"]
-    made = joined(affine_motion(grid, (0.5, 0, 0, 0, 0, 0)), step, grid, (96, 96))
+    made = composed(affine_motion(grid, (0.5, 0, 0, 0, 0, 0)), step, grid, (96, 96))
     assert made.valid[:, :6].all()
     assert not made.valid[:, 7:].any()
     assert (made.flag[:, 7:] & FLAGS["unmatched"]).all()

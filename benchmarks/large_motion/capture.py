@@ -90,7 +90,7 @@ class Captured:
     covariance : array, shape (points, 6, 6)
         Of the six, if the map is the right one.
     converged : bool array, shape (points,)
-        Whether the map is to be believed.
+        Whether the map is accepted.
     correlation : array, shape (points,)
         ρ, −1 … 1.
     rival : array, shape (points,)

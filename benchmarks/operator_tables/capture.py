@@ -2,7 +2,7 @@
 
 Each generator alone moves the pattern about the point by a growing τ, in one direction for even seeds and in the other
 for odd ones, without noise. A point counts if u and v are within 0.1 px, the other four within 0.01 of the truth, and
-the point is believed (`Captured.converged`; not failed in the field).
+the point is accepted (`Captured.converged`; not failed in the field).
 
 - *One scale*: `capture` at the centre of the frame.
 - *Pyramid*: `measure(method="eigenfilter")` with the levels that it chooses itself, and what it does when these do not
@@ -93,15 +93,15 @@ def right(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
 
 
 def at_one_scale(motion: Motion, sizes: Sequence[float], patterns: Sequence[Any]) -> np.ndarray:
-    """Whether the motion was found, and whether a wrong one was believed; shape (2, sizes, patterns)."""
+    """Whether the motion was found, and whether a wrong one was accepted; shape (2, sizes, patterns)."""
     out = np.zeros((2, len(sizes), len(patterns)), dtype=bool)
     for n, pattern in enumerate(patterns):
         still = moved(pattern, np.zeros(6), RADIUS)
         for k, size in enumerate(sizes):
             six = six_of(motion, size, (-1) ** n)
             found = capture(still, moved(pattern, six, RADIUS), [RADIUS], [RADIUS], window=WINDOW)
-            good, believed = right(found.six, six)[0], found.converged[0]
-            out[:, k, n] = good & believed, believed & ~good
+            good, accepted = right(found.six, six)[0], found.converged[0]
+            out[:, k, n] = good & accepted, accepted & ~good
     return out
 
 
@@ -147,22 +147,22 @@ def hard(patterns: Sequence[Any], others: Sequence[Any]) -> list[list[str]]:
         shares, ratio = _judged(seen)
         cells = [f"{100 * share:.0f} %" for share in shares]
         rows.append([f"all six, {name}", *cells, f"{ratio:.2f}" if noise else "–"])
-    believed = []
+    accepted = []
     for pair in zip(patterns, others, strict=True):
         frames = [moved(pattern, np.zeros(6), RADIUS) for pattern in pair]
-        believed.append(capture(*frames, [RADIUS], [RADIUS], window=WINDOW).converged[0])
-    return [*rows, ["unrelated frames", f"{100 * np.mean(believed):.0f} %", "–", "–", "–"]]
+        accepted.append(capture(*frames, [RADIUS], [RADIUS], window=WINDOW).converged[0])
+    return [*rows, ["unrelated frames", f"{100 * np.mean(accepted):.0f} %", "–", "–", "–"]]
 
 
 def _judged(seen: list[tuple[np.ndarray, Captured]]) -> tuple[list[float], float]:
-    """Shares that are believed, believed and roughly right, believed and wrong; errors over the predicted ones."""
-    believed = np.array([found.converged[0] for _, found in seen])
+    """Shares that are accepted, accepted and roughly right, accepted and wrong; errors over the predicted ones."""
+    accepted = np.array([found.converged[0] for _, found in seen])
     error = np.array([found.six[0] - six for six, found in seen])
     near = (np.abs(error[:, :2]) < 1).all(axis=1) & (np.abs(error[:, 2:]) < 0.1).all(axis=1)
     predicted = np.sqrt([np.diagonal(found.covariance[0]) for _, found in seen])
-    both = believed & near
+    both = accepted & near
     ratio = rms(error[both] / predicted[both]) if both.any() else math.nan
-    return [share.mean() for share in (believed, both, believed & ~near)], ratio
+    return [share.mean() for share in (accepted, both, accepted & ~near)], ratio
 
 
 Curves = dict[tuple[str, str], tuple[list[float], np.ndarray]]
@@ -183,7 +183,7 @@ def table(quick: bool = False, folder: Path | None = None) -> None:
             wide[motion.label, name] = sizes, found[0].mean(axis=1)
             wrong.append(found[1])
             deep[motion.label, name] = coarse, with_pyramid(motion, coarse, own[:pyramid_seeds]).mean(axis=1)
-    rule = f"u, v within {SHIFT_ERROR:g} px, the others within {GRADIENT_ERROR:g}, and believed"
+    rule = f"u, v within {SHIFT_ERROR:g} px, the others within {GRADIENT_ERROR:g}, and accepted"
     _show_curves(f"Capture at one scale, window {WINDOW}, {seeds} patterns of each kind: {rule}", wide)
     share = np.concatenate([part.ravel() for part in wrong]).mean()
     side = 2 * PYRAMID_RADIUS + 1
@@ -191,7 +191,7 @@ def table(quick: bool = False, folder: Path | None = None) -> None:
         f"Capture with the pyramid, frames of {side}², {pyramid_seeds} patterns of each kind × 9 points: {rule}",
         deep,
     )
-    header = ["motion", "texture", "believed", "right", "wrong, yet believed", "error / predicted"]
+    header = ["motion", "texture", "accepted", "right", "wrong, yet accepted", "error / predicted"]
     rows = [["all of the first table", "all", "–", "–", f"{100 * share:.2f} %", "–"]]
     for name, make in TEXTURES.items():
         rows += [

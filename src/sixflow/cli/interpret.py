@@ -70,7 +70,7 @@ def interpret(
     rotation
         Known rotation X,Y,Z, rad/s if the frame interval is known, else rad per frame; 0,0,0 for none.
     of
-        Whose motion is meant and told: the camera's or the object's.
+        Whose motion is given: the camera's or the object's.
     distance
         Perpendicular distance of the surface from the camera, in units of length: sets the scale.
     height

@@ -203,17 +203,12 @@ def coefficients_from_six(six: ArrayLike, *, invalid: Invalid = "raise") -> Arra
     ----------
     six : array, shape (..., 6)
     invalid : {"raise", "nan"}
-        What to do where there is no real logarithm, as in `log_six`.
+        What to do where there is no real logarithm, an InputError or NaN, as in `log_six`.
 
     Returns
     -------
     array, shape (..., 6)
         px, px, then four dimensionless numbers: logarithm of the zoom, angle in rad, two hyperbolic angles.
-
-    Raises
-    ------
-    InputError
-        As `log_six`.
 
     Examples
     --------
@@ -251,10 +246,6 @@ def compose(second: ArrayLike, first: ArrayLike) -> Array:
     ----------
     second, first : array, shape (..., 3, 3)
         Last row (0, 0, 1). Leading dimensions are broadcast.
-
-    Returns
-    -------
-    array, shape (..., 3, 3)
 
     Raises
     ------

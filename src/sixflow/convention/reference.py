@@ -1,4 +1,4 @@
-"""Which frame: the same motion told about a point of frame 0, of the middle between the frames, or of frame 1.
+"""Which frame: the same motion expressed at a point of frame 0, of the middle between the frames, or of frame 1.
 
 u and v always point from frame 0 to frame 1. With X the place in frame 0, a field may hang on the place
 
@@ -73,5 +73,5 @@ def change_reference(six: ArrayLike, source: str, target: str = "first") -> Arra
     back = -share * four / det[..., None]
     back[..., 0] -= 2 * det_part / det
     moved = d + apply_pair(back[..., 0] / 2, np.ones_like(det), back, d)
-    told = np.concatenate([moved, -back / share], axis=-1)
-    return np.where(folded[..., None], np.nan, told) + 0.0
+    result = np.concatenate([moved, -back / share], axis=-1)
+    return np.where(folded[..., None], np.nan, result) + 0.0

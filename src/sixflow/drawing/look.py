@@ -9,7 +9,7 @@ Every artist is given its look explicitly: no global setting of matplotlib is re
 | grey, hatched //// | masked: nobody asked for a number here |
 | ochre, hatched \\\\\\\\ | failed: a number was wanted, none could be measured |
 
-The two maps and the two hatches differ in lightness and direction, so that they can be told apart without
+The two maps and the two hatches differ in lightness and direction, so that they are distinguished without
 colour vision.
 """
 

@@ -62,7 +62,7 @@ def correlation_surface(map0: xr.DataArray, map1: xr.DataArray) -> Correlation:
     sectors are added up, since the same flow moves all of them. Between samples the peak is found by Newton's
     method on the trigonometric polynomial itself. Axes that are not periodic are tapered (Hann); tapers that
     stand still would pull the peak towards 0, so that they are moved with the maps, by half of τ each, until
-    τ settles. Along such an axis a quarter of its length can be told.
+    τ settles. Along such an axis a quarter of its length can be measured.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ def default_bank(
     wavelengths : two floats
         Shortest and longest wavelength of the image that carry the motion, px, 2.5 ≤ shortest < longest. The
         default suits speckles and particle images of 3 to 6 px across. In small windows both become
-        shorter, so that a wave and the Gaussian can be told apart.
+        shorter, so that a wave and the Gaussian can be distinguished.
 
     Returns
     -------

@@ -5,7 +5,7 @@ eigenvalue λ = exp(−iuτ) (eq. (5)). Read alone,
 
     τ = −Δφ/u,   Δφ = arg(g1/g0), from −π (excluded) to π
 
-so that |uτ| < π can be told. The standard error by grey noise of standard deviation σ in both frames is
+so that |uτ| < π can be measured. The standard error by grey noise of standard deviation σ in both frames is
 about σ/(|g| |u|). In a sequence of frames the temporal derivative takes the place of the second frame: the
 phase velocity is −Im(g_t/g)/u, with g and g_t weighted over the frames by `temporal_weights`.
 

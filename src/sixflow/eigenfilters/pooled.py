@@ -89,8 +89,8 @@ class PooledOperator:
         phase_only: bool = False,
     ) -> None:
         self.bank = array_bank(window) if bank is None else bank
-        usual = array_spacing(window)
-        self.spacing = usual if spacing is None else _require_spacing(spacing, usual)
+        default = array_spacing(window)
+        self.spacing = default if spacing is None else _require_spacing(spacing, default)
         self.sigma, self.phase_only = window_sigma(window), phase_only
         self.radius = self.bank.radius + len(DERIVATIVE)  # derivatives reach further than their kernels
         n = 2 * self.radius + 1
@@ -273,8 +273,8 @@ class PooledOperator:
         return total
 
 
-def _require_spacing(spacing: Any, usual: int) -> int:
-    wanted = f"must be a whole number of px, at least 1; {usual} suits the window"
+def _require_spacing(spacing: Any, default: int) -> int:
+    wanted = f"must be a whole number of px, at least 1; {default} suits the window"
     require(is_whole(spacing, 1), "spacing", spacing, wanted)
     return int(spacing)
 

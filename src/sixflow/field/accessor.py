@@ -62,24 +62,14 @@ class SixflowAccessor:
     def lie_algebra_element(self) -> xr.DataArray:
         """The six numbers of the steady flow that makes the motion of a pair in the time it took, dims (..., param).
 
-        The logarithm of the affine map, with its translation, about the grid point. NaN where the map has no
-        real logarithm: it folds, or turns by half a turn.
+        The logarithm of the affine map about the grid point; NaN where it folds, or turns by half a turn.
         """
         return derive(self._field, "lie_algebra_element")
 
     def derive(self, name: str) -> xr.DataArray:
         """Any derived quantity by its name, such as "hencky_max_shear", "small_rotation" or "shear_rate".
 
-        Parameters
-        ----------
-        name : str
-            Name of a property of this accessor, or of what it has no property for; a wrong name lists them
-            all.
-
-        Raises
-        ------
-        InputError
-            If there is no such quantity.
+        Raises InputError if there is no such quantity; the message lists them all.
         """
         return derive(self._field, name)
 
@@ -123,31 +113,13 @@ class SixflowAccessor:
     def principal_values(self, measure: str) -> xr.DataArray:
         """Principal values of a measure, dims (..., principal): "major" (the larger) and "minor".
 
-        Parameters
-        ----------
-        measure : str
-            "green_lagrange", "almansi", "hencky", "biot", "small_strain" or "strain_rate".
-
-        Raises
-        ------
-        InputError
-            If there is no such measure.
+        The measures are "green_lagrange", "almansi", "hencky", "biot", "small_strain" and "strain_rate"; InputError
+        if there is no such measure.
         """
         return derive(self._field, f"{_measure(measure)}_principal_values")
 
     def principal_axes(self, measure: str) -> xr.DataArray:
-        """Unit vectors along the principal axes of a measure, dims (..., i, principal).
-
-        Parameters
-        ----------
-        measure : str
-            As in `principal_values`.
-
-        Raises
-        ------
-        InputError
-            If there is no such measure.
-        """
+        """Unit vectors along the axes of `principal_values`, dims (..., i, principal)."""
         angle = self.principal_angle(measure)
         cos, sin = np.cos(angle.values), np.sin(angle.values)
         axes = np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)
@@ -160,33 +132,11 @@ class SixflowAccessor:
         )
 
     def principal_angle(self, measure: str) -> xr.DataArray:
-        """Angle from x towards y of the major axis of a measure, rad, within (−π/2, π/2].
-
-        Parameters
-        ----------
-        measure : str
-            As in `principal_values`.
-
-        Raises
-        ------
-        InputError
-            If there is no such measure.
-        """
+        """Angle from x towards y of the major axis of `principal_values`, rad, within (−π/2, π/2]."""
         return derive(self._field, f"{_measure(measure)}_principal_angle")
 
     def max_shear(self, measure: str) -> xr.DataArray:
-        """Maximum engineering shear of a measure: the difference of its principal values.
-
-        Parameters
-        ----------
-        measure : str
-            As in `principal_values`.
-
-        Raises
-        ------
-        InputError
-            If there is no such measure.
-        """
+        """Maximum engineering shear of a measure: the difference of its `principal_values`."""
         return derive(self._field, f"{_measure(measure)}_max_shear")
 
     # Rates
@@ -243,25 +193,14 @@ class SixflowAccessor:
         return selection.valid(self._field)
 
     def flagged(self, name: str) -> xr.DataArray:
-        """Where a flag is set, such as "masked" or "outlier".
-
-        Raises
-        ------
-        InputError
-            If there is no such flag.
-        """
+        """Where a flag is set, such as "masked" or "outlier"; InputError if there is no such flag."""
         return selection.flagged(self._field, name)
 
     @property
     def guess(self) -> xr.Dataset:
         """The first guess that the field was measured with, as a field: for `search` of another measurement.
 
-        A guess in numbers stands in the settings instead.
-
-        Raises
-        ------
-        InputError
-            If the field holds none.
+        A guess in numbers stands in the settings instead. InputError if the field holds none.
         """
         return selection.first_guess(self._field)
 
@@ -277,12 +216,8 @@ class SixflowAccessor:
         Returns
         -------
         Dataset
-            The six over y = 0 … height−1 and x = 0 … width−1. It has no covariance, but this accessor too.
-
-        Raises
-        ------
-        InputError
-            If the attribute frame_shape is missing.
+            The six over y = 0 … height−1 and x = 0 … width−1. It has no covariance, but this accessor too. InputError
+            if the attribute frame_shape is missing.
         """
         return sampling.dense(self._field)
 
@@ -299,8 +234,7 @@ class SixflowAccessor:
         Returns
         -------
         Dataset
-            u, v, divergence, curl, stretch, shear and u_standard_error …, over the dim point (none for one
-            place).
+            u, v, divergence, curl, stretch, shear and u_standard_error …, over the dim point (none for one place).
 
         Raises
         ------

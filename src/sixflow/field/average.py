@@ -42,7 +42,7 @@ def mean_over_time(field: xr.Dataset, dim: str = "time") -> xr.Dataset:
     """Return the mean field of all its pairs, dims (y, x); see `SixflowAccessor.mean`."""
     if dim != "time":
         raise InputError(
-            f"dim={shown(dim)}: fields are averaged over 'time' only; of a region, sixflow.interpretation tells more "
+            f"dim={shown(dim)}: fields are averaged over 'time' only; of a region, sixflow.interpretation gives more "
             "than a mean, and neighbouring points share their errors"
         )
     if "time" not in field.dims or not field.sizes["time"]:

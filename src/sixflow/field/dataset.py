@@ -119,7 +119,7 @@ def build_field(
     if body is not None:
         variables["body"] = (grid, body, {"long_name": "number of the body in the mask, 0 where masked"})
     numbers = np.asarray(frame_numbers, dtype=np.int64).reshape(-1, 2)
-    usual = {
+    axes = {
         "time": ("time", time, {"long_name": "time of the reference frame", "units": time_unit, "axis": "T"}),
         "y": ("y", y, {"long_name": "row, downwards", "units": "px", "axis": "Y"}),
         "x": ("x", x, {"long_name": "column, to the right", "units": "px", "axis": "X"}),
@@ -130,6 +130,6 @@ def build_field(
     }
     return xr.Dataset(
         variables,
-        usual | dict(coordinates or {}),
+        axes | dict(coordinates or {}),
         {"Conventions": "CF-1.11", "title": "six-parameter optical flow field"} | dict(attrs),
     )

@@ -14,7 +14,7 @@ Each is a chain of functions of `sixflow.convention`, applied to the six of ever
 
 The finite ones (all but displacement_gradient, small_strain and small_rotation, which are of the gradient as it
 stands) are functions of the deformation of frame 1 relative to frame 0. Where the points of the field lie in the
-middle or in frame 1, the six are told for frame 0 first (`convention.change_reference`).
+middle or in frame 1, the six are expressed at frame 0 first (`convention.change_reference`).
 
 A rate is divided by the time between the two frames of its own pair (`interval`); it is per frame ("1/frame") as long
 as that is unknown. A quantity that does not exist at a
@@ -219,7 +219,7 @@ def derived_error(field: xr.Dataset, name: str) -> xr.DataArray:
 
 
 def on_first_frame(value: Array, covariance: Array, reference: str) -> tuple[Array, Array]:
-    """The six (..., 6) and their covariance (..., 6, 6), told for frame 0."""
+    """The six (..., 6) and their covariance (..., 6, 6), expressed at frame 0."""
     if reference == "first":
         return value, covariance
     return convention.propagate(convention.change_reference, value, covariance, source=reference)

@@ -43,14 +43,14 @@ def dense(field: xr.Dataset) -> xr.Dataset:
             "take fewer, such as field.isel(time=[0]), or `sample`"
         ) from error
     for time in range(count):
-        told = []
+        parts = []
         for surface in _surfaces(one_pair(field, time)):
             d, d_x, d_y = (
                 surface.on_grid(x, y, along_x=along_x, along_y=along_y)
                 for along_x, along_y in ((False, False), (True, False), (False, True))
             )
-            told.append(_six(d, d_x, d_y))
-        result[:, time] = np.moveaxis(_known(told), -1, 0)
+            parts.append(_six(d, d_x, d_y))
+        result[:, time] = np.moveaxis(_known(parts), -1, 0)
     dims: tuple[str, ...] = ("time", "y", "x")
     if "time" not in field.dims:
         dims, result = dims[1:], result[:, 0]
@@ -103,10 +103,10 @@ def _surfaces(pair: xr.Dataset) -> list[HermiteSurface]:
     ]
 
 
-def _known(told: list[Array]) -> Array:
+def _known(parts: list[Array]) -> Array:
     """What one of several interpolants tells of a place, shape (..., 6); NaN where none does."""
-    known = told[0]
-    for other in told[1:]:
+    known = parts[0]
+    for other in parts[1:]:
         known = np.where(np.isnan(known).any(axis=-1, keepdims=True), other, known)
     return known
 

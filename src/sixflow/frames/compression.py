@@ -1,4 +1,4 @@
-"""Compression: what a user is told of a lossy one."""
+"""Compression: the note on a lossy one."""
 
 from __future__ import annotations
 

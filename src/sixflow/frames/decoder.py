@@ -1,4 +1,4 @@
-"""Decoder: packets become frames, one packet at a time, and what is damaged is told.
+"""Decoder: packets become frames, one packet at a time, and damage is reported.
 
 A decoder tells damage in three ways: it refuses the packet, marks the frame that it makes of it, or writes a line to
 the log. The log counts for codecs of which every frame stands by itself or no bit may be lost. Motion JPEG tells hardly

@@ -76,7 +76,7 @@ class _Chain:
         )
 
     def tell(self, number: int, damage: str) -> None:
-        """Take in what is known of a packet; what is told first counts."""
+        """Take in what is known of a packet; what is said first counts."""
         self._told[number] = self._told.get(number) or damage
         shown = self._places
         while self._next < len(self._packets.in_order) and (
@@ -90,7 +90,7 @@ class _Chain:
         return number < self._next
 
     def finish(self) -> None:
-        """Take what has not been told of for whole."""
+        """Take what was not reported damaged for whole."""
         while self._next < len(self._packets.in_order):
             self._follow(self._next, self._told.get(self._next, ""))
             self._next += 1

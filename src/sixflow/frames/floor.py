@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 
 _SAMPLE = 4096
 _LEAST_STEPS = 8
-_MOST_STEPS = 1e5  # more than 16 bits: not told from values that were not rounded
+_MOST_STEPS = 1e5  # more than 16 bits: not distinguished from values that were not rounded
 _OFF_LATTICE = 0.05  # of a step: what floating-point rounding leaves
 
 

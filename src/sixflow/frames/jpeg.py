@@ -6,7 +6,7 @@ is whole where its bits end with its last block, every bit pattern is a code wor
 coefficients, and no mean grey value lies outside the range. The later scans of progressive pictures, which refine
 what others have begun, are not walked.
 
-The error that quantisation leaves is computed under the usual model: DCT coefficients of one frequency are Laplacian,
+The error that quantisation leaves is computed under the common model: DCT coefficients of one frequency are Laplacian,
 f(x) = exp(−|x|/b)/2b (Reininger and Gibson 1983). The share of zeros after quantisation, 1 − exp(−q/2b), tells b, and
 
     ε² = (1 − z)·E[x² | zero] + z·(c² + 2b² − 2bc·coth(c/b)),   c = q/2, z = exp(−c/b);

@@ -1,6 +1,6 @@
 """Labelled: arrays whose axes have names, read frame by frame.
 
-Axes are told by letters: T time, C channel, Z slice, Y row, X column, S sample of a colour; what has another name
+Axes are named by letters: T time, C channel, Z slice, Y row, X column, S sample of a colour; what has another name
 keeps it. An array without names has them from its shape.
 """
 

@@ -84,15 +84,16 @@ def read_names(paths: Sequence[Path], *, given_order: bool = False) -> Naming:
         return Naming(tuple(ordered))
     if ordered != natural and ordered != natural[::-1]:
         first = next(k for k, (a, b) in enumerate(zip(ordered, natural, strict=True)) if a != b)
-        told = f"{ordered[first].name} comes before {natural[first].name}"
+        exchanged = f"{ordered[first].name} comes before {natural[first].name}"
         return Naming(
-            tuple(ordered), (f"the files are taken in the order given, not in that of their numbers: {told}",)
+            tuple(ordered),
+            (f"the files are taken in the order given, not in that of their numbers: {exchanged}",),
         )
     keys = _keys(ordered)
     templates = [tuple(part[2] for part in key) for key in keys]
-    usual, most = Counter(templates).most_common(1)[0]
-    odd = [k for k, template in enumerate(templates) if template != usual]
-    members = [k for k, template in enumerate(templates) if template == usual]
+    common, most = Counter(templates).most_common(1)[0]
+    odd = [k for k, template in enumerate(templates) if template != common]
+    members = [k for k, template in enumerate(templates) if template == common]
     leaps, leap_notes = _leaps([ordered[k] for k in members], [keys[k] for k in members])
     gaps = {members[k] for k in leaps}
     odd_notes = _odd_notes(ordered, odd, most)
@@ -110,11 +111,11 @@ def _odd_notes(paths: Sequence[Path], odd: Sequence[int], most: int) -> tuple[st
         f"{paths[k].name} (frame {k}{', the last' if k == last else ', the first' if k == 0 else ''})"
         for k in odd[:_SHOWN]
     ]
-    usual = next(paths[k].name for k in range(len(paths)) if k not in odd)
+    example = next(paths[k].name for k in range(len(paths)) if k not in odd)
     more = f" and {len(odd) - _SHOWN} more" if len(odd) > _SHOWN else ""
     verb = "does" if len(odd) == 1 else "do"
     return (
-        f"{', '.join(words)}{more} {verb} not follow the names of the others, such as {usual}: if it is no frame of "
+        f"{', '.join(words)}{more} {verb} not follow the names of the others, such as {example}: if it is no frame of "
         "the recording, leave it out",
     )
 

@@ -1,7 +1,7 @@
-"""Notebook: notes that are taken frame by frame, told once for the recording.
+"""Notebook: notes that are taken frame by frame, given once for the recording.
 
-A note that holds from the first frame on is told as it is. One that comes later names its frame, the first few times;
-notes that differ in numbers only count as one. What has been told once does not change while reading goes on.
+A note that holds from the first frame on is given as it is. One that comes later names its frame, the first few times;
+notes that differ in numbers only count as one. What has been given once does not change while reading goes on.
 """
 
 from __future__ import annotations

@@ -110,7 +110,7 @@ def _listed(container: Any, stream: Any) -> tuple[list[Packet], Fraction]:
             if packet.stream_index == stream.index and packet.size > 0:
                 listed.append(Packet.of(packet, stream))
     except (av.FFmpegError, ValueError):
-        pass  # what follows cannot be read; what is missing is told by the count
+        pass  # what follows cannot be read; the count states what is missing
     return listed, max(end, end - (start or 0))
 
 

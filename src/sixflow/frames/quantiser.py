@@ -31,7 +31,7 @@ from sixflow.frames.packets import Packets
 from sixflow.frames.planes import luma_of
 
 _SAMPLE = 8
-"""Frames from which the quantiser is told."""
+"""Frames from which the quantiser is estimated."""
 
 _NAMES = {
     "h264": "H.264",
@@ -93,7 +93,7 @@ def step_of_quantiser(codec: str, qp: float) -> float:
 
 
 def noise_of_frame(frame: Any, codec: str) -> float | None:
-    """Return the standard deviation that the quantiser of a decoded frame leaves, in its grey values; None if not told.
+    """Return the standard deviation that a decoded frame's quantiser leaves, in its grey values; None if unknown.
 
     Parameters
     ----------

@@ -10,9 +10,9 @@
 n_i is the number of the frame in the whole recording. Nothing is taken from a pair's neighbours. Where frames are
 missing between i and j, and no frame has a time of its own, the time in the pair is unknown: NaN.
 
-*Who is believed.* Times that a user gives count as they are, and may not contradict a frame interval that is given with
-them. A frame interval that is given counts before the time stamps of a file, and these before the frame interval that
-the file states.
+*Which times count.* Times that a user gives count as they are, and may not contradict a frame interval that is given
+with them. A frame interval that is given counts before the time stamps of a file, and these before the
+frame interval that the file states.
 
 *Rounded stamps.* A container counts time in units of its own, such as whole milliseconds. Stamps that are those of a
 constant rate, rounded to this unit, are replaced by the constant rate: if one exists with |t_i − a − b n_i| ≤ unit/2.

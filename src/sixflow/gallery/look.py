@@ -31,7 +31,7 @@ WIDTH = 7.6
 BEFORE, AFTER = REFERENCE, ARROW
 EVEN, ODD, PRINTED = ARROW, "#c4761b", "#c4761b"
 POINTS = ("#d55e00", "#009e73", "#0072b2", "#cc79a7")
-"""Colours of points that are followed, which can be told apart without colour vision."""
+"""Colours of points that are followed, which can be distinguished without colour vision."""
 
 _BLUE = (0.44, -0.0274, -0.1728)  # OKLab: L, a, b
 _WHITE = (1.0, 0.0, 0.0)

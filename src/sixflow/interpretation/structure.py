@@ -4,8 +4,9 @@ The closed form is that of `scenes.planar_structure`, for the middle of the fram
 velocities are those. The time to contact is that of the plane, along its normal, and counts from the reference frame,
 t_c = 1/(1 − e^(−ρ)) with ρ = V·n̂/d (`contact`).
 
-Where the motion cannot be told from one along the normal, one of the two solutions is given. The other is as likely,
-so its covariance gets ½ δ δᵀ, δ the difference of both in normal, translation and rotation: errors reach to the other.
+Where the motion cannot be distinguished from one along the normal, one of the two solutions is given. The other is as
+likely, so its covariance gets ½ δ δᵀ, δ the difference of both in normal, translation and rotation: errors reach to
+the other.
 """
 
 from __future__ import annotations
@@ -95,7 +96,7 @@ def plane_and_motion(
     Returns
     -------
     tuple of PlaneAndMotion
-        Two, of which one is true; one where both are the same, or cannot be told apart.
+        Two, of which one is true; one where both are the same, or cannot be distinguished.
 
     Raises
     ------
@@ -131,7 +132,7 @@ def plane_and_motion(
 
 
 def _offered(solutions: list[PlanarSolution]) -> list[PlanarSolution]:
-    """The solutions that can be told apart; one that stands for both otherwise."""
+    """The solutions that can be distinguished; one that stands for both otherwise."""
     first = solutions[0]
     if len(solutions) == 1 or first.covariance is None or str(first.case) in ("pure rotation", "unknown"):
         return [first]

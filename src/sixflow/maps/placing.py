@@ -1,4 +1,4 @@
-"""Placing: maps of a motion about points of frame 0, told at points of the middle or of frame 1 instead.
+"""Placing: maps of a motion about points of frame 0, expressed at points of the middle or of frame 1.
 
 A point at X in frame 0 is at X + U₀(X) in frame 1. It is seen at the place x that share s of its way leads to:
 
@@ -38,7 +38,7 @@ def surface_of(maps: NDArray[Any], grid: Grid) -> HermiteSurface:
 
 
 def placed(maps: NDArray[Any], grid: Grid, share: float) -> NDArray[np.float64]:
-    """Tell maps about frame 0's points at the grid points of the frame that `share` of the way leads to.
+    """Express maps about frame 0's points at the grid points of the frame that `share` of the way leads to.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def placed(maps: NDArray[Any], grid: Grid, share: float) -> NDArray[np.float64]:
         u, v, u_x, u_y, v_x, v_y at the grid points of frame 0, without NaN.
     grid : Grid
     share : float
-        Of the displacement, −1 to 1. Negative: maps about points of frame 1 (or of the middle), told at points of
+        Of the displacement, −1 to 1. Negative: maps about points of frame 1 (or of the middle), expressed at points of
         frame 0.
 
     Returns
@@ -73,10 +73,10 @@ def placed(maps: NDArray[Any], grid: Grid, share: float) -> NDArray[np.float64]:
     d, F = _there(surface, X, Y, share)
     along, across = surface.at(X, Y, along_x=True), surface.at(X, Y, along_y=True)
     G = np.stack([_solved(np.swapaxes(F, 0, 1), np.stack([along[k], across[k]])) for k in range(2)])
-    told = np.concatenate([d, G.reshape(4, -1)]).reshape(maps.shape)
+    result = np.concatenate([d, G.reshape(4, -1)]).reshape(maps.shape)
     determinant = F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]
-    good = np.isfinite(told).all(axis=0) & (determinant > 0).reshape(grid.shape)
-    return np.where(good, told, maps)
+    good = np.isfinite(result).all(axis=0) & (determinant > 0).reshape(grid.shape)
+    return np.where(good, result, maps)
 
 
 def leaves(

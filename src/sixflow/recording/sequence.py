@@ -42,7 +42,7 @@ from sixflow.pair.start import Start
 from sixflow.pair.unmeasured import Tried, try_frame, try_pair
 from sixflow.prepare.prepare import Prepared
 from sixflow.recording.schedule import Recording
-from sixflow.recording.trajectory import carried, joined
+from sixflow.recording.trajectory import carried, composed
 
 Update: TypeAlias = int | Literal["lost"] | None
 
@@ -256,7 +256,7 @@ class Follower:
             motion = dataclasses.replace(motion, flag=flag, body=stage.base.body)
         elif stage.base is not None:
             named = not self.masks.moving or (self.first.bodies is not None and self.first.bodies.named)
-            motion = joined(stage.base, motion, self.session.grid, self.session.shape, named=named)
+            motion = composed(stage.base, motion, self.session.grid, self.session.shape, named=named)
         digest = hashlib.sha256(b"".join(part.digest for part in parts) + self.first.mask_content)
         return dataclasses.replace(
             step, six=motion.six, covariance=motion.covariance, moved_covariance=motion.moved_covariance,

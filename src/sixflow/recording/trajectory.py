@@ -58,7 +58,7 @@ Array = NDArray[Any]
 Real = NDArray[np.float64]
 
 
-def joined(base: Motion, step: Motion, grid: Grid, shape: tuple[int, int], *, named: bool = True) -> Motion:
+def composed(base: Motion, step: Motion, grid: Grid, shape: tuple[int, int], *, named: bool = True) -> Motion:
     """The motion `step` after `base`, both on the same grid of their own frame.
 
     Parameters

@@ -16,8 +16,8 @@ from sixflow.scenes.plane import Plane
 
 REASONS = {
     "general": "two solutions; direction of motion and normal are exchanged between them",
-    "along normal": "the motion is along the plane's normal, or cannot be told from it: the two solutions are one, "
-    "or differ by no more than their errors",
+    "along normal": "the motion is along the plane's normal, or cannot be distinguished from it: the two solutions "
+    "are one, or differ by no more than their errors",
     "pure rotation": "no translation, or the plane is too far away to show it: its normal, its tilt and the time "
     "to contact are undetermined",
     "unknown": "a coefficient or a variance is not a finite number",
@@ -68,7 +68,7 @@ class PlanarSolution:
     case : array of str, shape (...)
         "general", "along normal", "pure rotation" or "unknown"; see `reason`.
     fronto_parallel : bool array, shape (...)
-        The slant is 0, or cannot be told from it: there is no tilt.
+        The slant is 0, or cannot be distinguished from it: there is no tilt.
     visible : bool array, shape (...)
         The camera sees this plane at all of the given image points.
     of : "camera" or "object"

@@ -11,42 +11,14 @@ import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict, get_args
+from typing import Any, get_args
 
-from sixflow.checks import (
-    A_SCALE,
-    is_choice,
-    is_number,
-    is_scale,
-    is_whole,
-    plain,
-    require,
-    require_choice,
-    shown,
-)
+from sixflow.checks import plain, require_choice, shown
 from sixflow.errors import InputError
 from sixflow.settings.affine_guess import Numbers, as_numbers
-from sixflow.settings.region import as_polygons, as_rectangle
-
-if TYPE_CHECKING:
-    from sixflow.search.guess import Guess
-else:
-    Guess = Any
-
-Interpolation = Literal["cubic", "quintic"]
-Lighting = Literal["auto", "none", "gain+offset", "local"]
-Group = Literal["affine", "similarity", "euclidean", "translation"]
-Search = Literal["auto", "pyramid", "spectrum", "guess"]
-Method = Literal["least_squares", "eigenfilter"]
-Reference = Literal["first", "middle", "second"]
-Polygons: TypeAlias = Any
-"""Corners [[x, y], …] of one polygon or several, or text, as given; kept as tuples (`sixflow.settings.region`)."""
-_SEARCHES = get_args(Search)
-Window: TypeAlias = Any
-"""A number, or "auto" as it is asked for; what measures has a number (`sixflow.refine.resolution.ladder`)."""
-
-WIDEST = 2**20
-"""Longest window and step, px: longer than the side of any frame."""
+from sixflow.settings.ranges import check_ranges, check_together
+from sixflow.settings.region import as_polygons
+from sixflow.settings.types import Group, Interpolation, Lighting, Method, Polygons, Reference, Search, Window
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -173,89 +145,14 @@ class Settings:
             object.__setattr__(self, field.name, plain(getattr(self, field.name)))
         if isinstance(self.window, float) and self.window.is_integer():
             object.__setattr__(self, "window", int(self.window))  # 31.0 and 31 are the same setting
-        require(
-            is_choice(self.window, ("auto",)) or (is_number(self.window) and 5 <= self.window <= WIDEST),
-            "window",
-            self.window,
-            f"must be from 5 to {WIDEST} px, or 'auto'; 31 is a good start",
-        )
-        require(
-            is_whole(self.step, 1, WIDEST),
-            "step",
-            self.step,
-            f"must be a whole number of pixels from 1 to {WIDEST}; 8 suits a window of 31",
-        )
-        require(is_whole(self.sharpen, 0, 16), "sharpen", self.sharpen, "must be a whole number from 0 to 16")
-        require_choice("method", self.method, get_args(Method))
-        require_choice("reference", self.reference, get_args(Reference))
-        require_choice("group", self.group, get_args(Group))
-        require(
-            self.group == "affine" or self.sharpen == 0,
-            "sharpen",
-            self.sharpen,
-            f"must be 0 with group={self.group!r}: sharpening needs all six numbers; take group='affine'",
-        )
-        require(
-            self.window != "auto" or (self.method == "least_squares" and self.group == "affine"),
-            "window",
-            self.window,
-            "needs method='least_squares' and group='affine'; otherwise give a number of pixels, such as 31",
-        )
-        require_choice("interpolation", self.interpolation, get_args(Interpolation))
-        require(
-            is_number(self.lowpass) and (self.lowpass == 0 or 0.4 <= self.lowpass <= 4),
-            "lowpass",
-            self.lowpass,
-            "must be 0 or from 0.4 to 4 px; 0.7 suits sharp textures",
-        )
-        require(
-            self.lowpass == 0 or self.method == "least_squares",
-            "lowpass",
-            self.lowpass,
-            f"must be 0 with method={self.method!r}, whose operators have a band of their own; "
-            "take method='least_squares'",
-        )
+        check_ranges(self)
+        check_together(self)
         if isinstance(self.search, str) and "," not in self.search:
-            require_choice("search", self.search, _SEARCHES)
+            require_choice("search", self.search, get_args(Search))
         else:
             object.__setattr__(self, "search", as_numbers(self.search))
-        require_choice("lighting", self.lighting, get_args(Lighting))
-        require(
-            self.levels is None or is_whole(self.levels, 0, 12),
-            "levels",
-            self.levels,
-            "must be from 0 to 12, or None to choose it from the frame",
-        )
-        require(
-            is_whole(self.passes, 1, 1000), "passes", self.passes, "must be a whole number from 1 to 1000"
-        )
-        require(
-            is_number(self.tolerance) and 0 < self.tolerance <= WIDEST,
-            "tolerance",
-            self.tolerance,
-            f"must be a positive number of pixels, at most {WIDEST}, such as 0.005",
-        )
-        if self.roi is not None:
-            as_rectangle(self.roi)
         for name in ("polygons", "holes"):
             object.__setattr__(self, name, as_polygons(getattr(self, name), name))
-        for name in ("float64", "robust", "forward_backward", "replace_failed"):
-            value = getattr(self, name)
-            require(isinstance(value, bool), name, value, "must be True or False")
-        for name in ("pixel_size", "frame_interval"):
-            value = getattr(self, name)
-            require(
-                value is None or is_scale(value),
-                name,
-                value,
-                f"must be {A_SCALE}, or None if unknown",
-            )
-        require(
-            isinstance(self.length_unit, str) and self.length_unit.strip() != "",
-            "length_unit",
-            self.length_unit,
-            "must name a unit, such as 'mm'",
-        )
 
     def __repr__(self) -> str:
         """Show only what differs from the defaults."""
@@ -335,34 +232,6 @@ class Settings:
         except RecursionError as error:
             raise InputError(f"settings file {str(path)!r} is nested too deeply for settings") from error
         return cls.from_mapping(values)
-
-
-class SettingsOptions(TypedDict, total=False):
-    """The fields of `Settings` as keyword arguments, for editors and type checkers; `search` may be a first guess."""
-
-    window: float | Literal["auto"]
-    step: int
-    method: Method
-    reference: Reference
-    group: Group
-    sharpen: int
-    interpolation: Interpolation
-    lowpass: float
-    lighting: Lighting
-    robust: bool
-    forward_backward: bool
-    replace_failed: bool
-    search: Search | Guess
-    levels: int | None
-    passes: int
-    tolerance: float
-    roi: str | None
-    polygons: Polygons
-    holes: Polygons
-    float64: bool
-    pixel_size: float | None
-    length_unit: str
-    frame_interval: float | None
 
 
 def require_names(given: Mapping[Any, Any]) -> None:

@@ -16,7 +16,7 @@ from sixflow.checks import shown
 from sixflow.errors import FieldFileError, InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.dataset import SIX
-from sixflow.write.guarded import damage_told, guarded
+from sixflow.write.guarded import damage_reported, guarded
 from sixflow.write.layout import batches, checked_field, in_order, incomplete_coordinates
 from sixflow.write.lock import locked
 from sixflow.write.target import SUFFIXES, check_output, is_zarr, staged_output
@@ -91,7 +91,7 @@ def open_field(path: str | os.PathLike[str]) -> xr.Dataset:
     """Read a field back from a ``.nc`` or ``.zarr`` file.
 
     The values are loaded when they are used, so that a recording larger than the memory can be opened. Damage that
-    is found only then is told by a `FieldFileError` too. Points whose part of the file is missing are flagged
+    is found only then raises a `FieldFileError` too. Points whose part of the file is missing are flagged
     `missing`. Use the result in a ``with`` statement, or call its ``close``, to release the file.
 
     Parameters
@@ -120,7 +120,7 @@ def open_field(path: str | os.PathLike[str]) -> xr.Dataset:
     True
     """
     path = _checked_input(path)
-    with damage_told(path):
+    with damage_reported(path):
         if path.is_dir():
             from sixflow.write import zarrstore
 

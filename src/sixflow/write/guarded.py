@@ -1,4 +1,4 @@
-"""Guarded: values that are read when they are used, with every failure told as the damage of a file that it is."""
+"""Guarded: values that are read when they are used, with every failure reported as damage of the file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sixflow.errors import FieldFileError, SixflowError
 
 
 @contextlib.contextmanager
-def damage_told(path: Path, name: str = "") -> Iterator[None]:
+def damage_reported(path: Path, name: str = "") -> Iterator[None]:
     """Turn whatever the libraries of a file format raise into a `FieldFileError` that names the file.
 
     Parameters
@@ -71,7 +71,7 @@ class GuardedArray(BackendArray):
         return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.OUTER, self._read)
 
     def _read(self, key: tuple[Any, ...]) -> NDArray[Any]:
-        with damage_told(self.path, self.name), quiet():
+        with damage_reported(self.path, self.name), quiet():
             values = np.asarray(self.variable[key].values)
             if values.dtype.kind != self.dtype.kind:
                 raise TypeError(f"values of type {values.dtype}, announced as {self.dtype}")

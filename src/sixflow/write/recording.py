@@ -25,7 +25,7 @@ from sixflow.frames.digests import FrameDigests
 from sixflow.staging import disk_errors, publish, remove
 from sixflow.write import zarrstore
 from sixflow.write.fieldfile import save
-from sixflow.write.guarded import damage_told, guarded
+from sixflow.write.guarded import damage_reported, guarded
 from sixflow.write.layout import batches, checked_field, in_order
 from sixflow.write.lock import locked
 from sixflow.write.progress import Progress
@@ -158,7 +158,7 @@ class RecordingWriter:
         """The pairs that are already safe, to be read as they are needed; None if there are none."""
         if not self.done:
             return None
-        with damage_told(self.partial):
+        with damage_reported(self.partial):
             return guarded(zarrstore.read(self._store), self.partial)
 
     def append(self, field: xr.Dataset) -> None:
@@ -250,7 +250,7 @@ class RecordingWriter:
         said = self._progress.said
         joined = joined_attrs(said)
         disputed = {name for one in said for name in one} - set(joined)
-        with damage_told(self.partial):
+        with damage_reported(self.partial):
             zarrstore.describe(self._store, joined, disputed)
         if self.path.suffix.lower() == ".zarr":
             zarrstore.seal(self._store)
@@ -261,7 +261,7 @@ class RecordingWriter:
         remove(self.partial)
 
     def _stored(self) -> Iterator[xr.Dataset]:
-        with damage_told(self.partial), zarrstore.read(self._store) as field:
+        with damage_reported(self.partial), zarrstore.read(self._store) as field:
             whole = guarded(in_order(field), self.partial).drop_encoding()
             yield from batches(whole, self._progress.batch)
 

@@ -30,7 +30,7 @@ from sixflow.frames.units import length
 Array: TypeAlias = NDArray[Any]
 
 _MANY = 1000
-"""Missing frames that are still told one by one, however few are there."""
+"""Missing frames that are still named one by one, however few are there."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -19,7 +19,7 @@ Index: TypeAlias = tuple[int, int, int]
 """Numbers of time, channel and slice of a plane."""
 
 _MISSING = 2000
-"""Planes beyond the last page of the file that are still told apart; more are claimed, but not there."""
+"""Planes beyond the last page of the file that are still distinguished; more are claimed, but not there."""
 
 
 @dataclasses.dataclass

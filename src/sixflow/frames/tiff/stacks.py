@@ -129,14 +129,14 @@ def _plain(pages: Pages, chain: Chain, path: Path) -> list[Series]:
             pages.page(0)  # whose error says why
             kinds, counts = {0: (0,)}, Counter()
         raise damaged(path, chain.broken or "it holds no pages", bool(chain.broken))
-    usual, most = counts.most_common(1)[0]
+    common, most = counts.most_common(1)[0]
     others = sum(counts.values()) - most
     if others and not (most > 1 and (others == 1 or others <= _FEW * len(kinds))):
         return [
             _of_pages(k, [n for n, one in kinds.items() if one == kind], kind, "", pages)
             for k, kind in enumerate(counts)
         ]  # fmt: skip
-    return [_of_pages(0, list(kinds), usual, chain.broken, pages)]
+    return [_of_pages(0, list(kinds), common, chain.broken, pages)]
 
 
 def _of_pages(number: int, members: list[int], kind: tuple[Any, ...], broken: str, pages: Pages) -> Series:
