@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from typing import Any, Unpack
 
 import xarray as xr
@@ -180,15 +180,16 @@ def measure_sequence(
     """
     require_names(options)  # what only iterate_sequence knows is no option here
     fields = []
-    measured = _measured(
+    measured = iterate_sequence(
         frames,
-        Schedule(pairs, lag),
-        update,
+        pairs=pairs,
+        lag=lag,
+        update=update,
         mask=mask,
         times=times,
-        settings=settings,
         strict=strict,
-        options=options,
+        settings=settings,
+        **options,
     )
     left_over: tuple[str, ...] = ()
     while True:
@@ -218,7 +219,7 @@ def iterate_sequence(
     done: xr.Dataset | None = None,
     seen: FrameDigests | None = None,
     **options: Unpack[SettingsOptions],
-) -> Iterator[xr.Dataset]:
+) -> Generator[xr.Dataset, None, tuple[str, ...]]:
     """Yield the field of each pair of a recording as soon as it is measured; arguments as for
     `measure_sequence`.
 
@@ -236,38 +237,9 @@ def iterate_sequence(
     Yields
     ------
     xarray.Dataset
-        With one time.
+        With one time. The generator returns notes that were not yet known when the last field was yielded.
     """
-    yield from _measured(
-        frames,
-        Schedule(pairs, lag),
-        update,
-        mask=mask,
-        times=times,
-        settings=settings,
-        strict=strict,
-        skip=skip,
-        done=done,
-        seen=seen,
-        options=options,
-    )
-
-
-def _measured(
-    frames: Any,
-    schedule: Schedule,
-    update: Update,
-    *,
-    mask: MaskLike | None,
-    times: Times | None,
-    settings: Settings | None,
-    strict: bool,
-    options: SettingsOptions,
-    skip: int = 0,
-    done: xr.Dataset | None = None,
-    seen: FrameDigests | None = None,
-) -> Generator[xr.Dataset, None, tuple[str, ...]]:
-    """Yield the field of each pair; what remains to be said in the end is returned."""
+    schedule = Schedule(pairs, lag)
     masks = Masks(mask)
     asked, guess = without_guess(require_settings(settings), options)
     renewal = check_update(update, schedule.pairs, asked.reference)
