@@ -71,33 +71,7 @@ _MODULES = (
     "write",
 )
 
-__all__ = [
-    "FieldFileError",
-    "FrameFileError",
-    "InputError",
-    "MeasurementError",
-    "Settings",
-    "SixflowError",
-    "__version__",
-    "convention",
-    "eigenfilters",
-    "frames",
-    "groups",
-    "interpretation",
-    "invariants",
-    "iterate_sequence",
-    "measure",
-    "measure_sequence",
-    "open_field",
-    "open_frames",
-    "plot",
-    "plot_field",
-    "read_mask",
-    "scenes",
-    "synth",
-    "write",
-    "write_field",
-]
+__all__ = sorted([*_HOME, *_MODULES])
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""What every function of the convention asks of its arrays, and how it refuses them."""
+"""Checks of arrays that users give: type, shape, finite values, shapes that broadcast."""
 
 from __future__ import annotations
 

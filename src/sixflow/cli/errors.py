@@ -57,7 +57,7 @@ def say(text: str) -> None:
 
 
 def _write(line: str) -> None:
-    """Write a line to stderr; where nobody reads that, there is nobody to tell."""
+    """Write a line to stderr; where that is closed, it is dropped."""
     try:
         print(line, file=sys.stderr, flush=True)
     except OSError:

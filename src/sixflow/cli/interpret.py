@@ -1,4 +1,4 @@
-"""`sixflow interpret`: what a region of a field says of the world before the camera."""
+"""`sixflow interpret`: time to contact, slant, heading and motion from a region of a field."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def interpret(
 ) -> None:
     """Tell time to contact, slant, heading and motion from a region of a field, with standard errors.
 
-    Each result says what is assumed. What the field does not determine is called undetermined.
+    Each result states its assumptions. What the field does not determine is called undetermined.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def interpret(
 
 
 def _print(field: Path, found: tuple[Interpretation, ...]) -> None:
-    """Write what one pair says, and what is assumed."""
+    """Write the results of one pair, and their assumptions."""
     from rich.console import Console
 
     console = Console(highlight=False)

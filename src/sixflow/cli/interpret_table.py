@@ -1,4 +1,4 @@
-"""`sixflow interpret --all`: what all pairs of a field say, as tables and as CSV."""
+"""`sixflow interpret --all`: the results of all pairs of a field, as tables and as CSV."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Standard streams: the program runs where there are none, as in a service, and ends quietly where nobody reads."""
+"""Standard streams: the program runs where there are none, as in a service, and ends quietly when a reader has gone."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _open_descriptors() -> None:
 
 
 def flushed(stream: TextIO) -> OSError | None:
-    """Hand on what a stream holds back; return the error if nobody takes it, after which it takes anything."""
+    """Hand on what a stream holds back; return the error if it cannot be written, after which it takes anything."""
     try:
         stream.flush()
     except OSError as error:
@@ -58,7 +58,7 @@ def flushed(stream: TextIO) -> OSError | None:
 
 
 def hush(stream: Any) -> None:
-    """Let a stream that nobody reads any more drop what it still holds, so that the interpreter can end."""
+    """Let a stream whose reader has gone drop what it still holds, so that the interpreter can end."""
     with contextlib.suppress(AttributeError, OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())

@@ -6,8 +6,8 @@ Every artist is given its look explicitly: no global setting of matplotlib is re
 |---|---|
 | blue – white – red | a signed number; white is 0, limits symmetric |
 | white – violet | a standard error; white is 0 |
-| grey, hatched //// | masked: nobody asked for a number here |
-| ochre, hatched \\\\\\\\ | failed: a number was wanted, none could be measured |
+| grey, hatched //// | masked: outside the region of interest |
+| ochre, hatched \\\\\\\\ | failed: no number could be measured |
 
 The two maps and the two hatches differ in lightness and direction, so that they are distinguished without
 colour vision.

@@ -20,7 +20,7 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     ----------
     figure : Figure
     path : str or path
-        Its suffix says how: .png, .pdf, .svg, or another one that matplotlib can write.
+        Its suffix chooses the format: .png, .pdf, .svg, or another one that matplotlib can write.
 
     Raises
     ------

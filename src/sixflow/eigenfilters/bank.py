@@ -219,7 +219,7 @@ class FilterBank:
         Parameters
         ----------
         path : str or path, optional
-            Save the sheet here at 300 dpi; the suffix says how: .png, .pdf, .svg.
+            Save the sheet here at 300 dpi; the suffix chooses the format: .png, .pdf, .svg.
 
         Returns
         -------

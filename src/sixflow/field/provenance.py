@@ -1,13 +1,13 @@
-"""Provenance: what the attributes of the fields of single pairs say of the recording that they make up.
+"""Provenance: attributes of a recording, from those of the fields of its pairs.
 
 | attribute | of a recording |
 |---|---|
 | input_digest | digest of the pairs' digests, in their order |
 | notes | each note once |
 | memory_bytes | the most of any pair |
-| any other | what all pairs say; left out where they say different things |
+| any other | the value of all pairs; left out where they differ |
 
-A number that is NaN says nothing, as of a pair without a valid point. So `effective_window` and
+A number that is NaN is ignored, as of a pair without a valid point. So `effective_window` and
 `attenuation_period_10` stand where they hold for all pairs; elsewhere the variable `resolution` tells them apart.
 """
 

@@ -108,7 +108,7 @@ def draw_trajectories(
         Of the motions, in the unit of length that is half the side of the square; by default the generators of the
         group, one after the other.
     path : str or path, optional
-        Save the picture here at 300 dpi; the suffix says how: .png, .pdf, .svg.
+        Save the picture here at 300 dpi; the suffix chooses the format: .png, .pdf, .svg.
 
     Returns
     -------

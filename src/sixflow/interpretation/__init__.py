@@ -6,7 +6,7 @@ field ── fit_region ──┬─ time_to_contact, axis_rotation, slant_and_t
   their covariance)   └─ plane_and_motion, ego_motion
 ```
 
-Each result says in `assumptions` what it takes for granted, and gives every number with its standard error: infinite
+Each result states its `assumptions`, and gives every number with its standard error: infinite
 where the measurement does not determine it. Axes are those of `sixflow.scenes`: X right, Y down, Z forward.
 
 | module | idea |

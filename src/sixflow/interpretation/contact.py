@@ -89,7 +89,7 @@ def time_to_contact(
     heading : (X, Y, Z), optional
         Direction of the translation in the camera's axes, of any length above 0: corrects for the slant.
     rotation : (X, Y, Z), optional
-        Known rotation, rad/s if the fit knows the frame interval, else per frame interval; (0, 0, 0) for none.
+        Known rotation, rad/s if the frame interval is known, else per frame interval; (0, 0, 0) for none.
         Corrects for the slant too, by the direction of the displacement that is left.
     of : "camera" or "object"
         Whose heading and rotation they are.

@@ -75,7 +75,7 @@ class Estimate:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Interpretation:
-    """What a measured field says of the world; the base of all results of this package.
+    """What follows from a measured field; the base of all results of this package.
 
     Attributes
     ----------

@@ -79,7 +79,7 @@ def focus_of_expansion(
         Of the eight.
     camera : Camera
     rotation : (X, Y, Z)
-        Of the camera, rad/s if the fit knows the frame interval, else per frame interval; none by default.
+        Of the camera, rad/s if the frame interval is known, else per frame interval; none by default.
 
     Raises
     ------

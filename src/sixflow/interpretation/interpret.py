@@ -1,4 +1,4 @@
-"""Everything that a region says, for what is known."""
+"""All interpretations of a region that follow from what is known."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def interpret(
     border: bool = False,
     frame_interval: float | None = None,
 ) -> tuple[Interpretation, ...]:
-    """Fit a region, and tell everything that follows from what is given.
+    """Fit a region, and return everything that follows from what is given.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ by Gauss–Newton steps. The weights follow the covariances C_p but not their no
 independent points; the covariance counts that points are not: neighbours share pixels, and R_pq is the correlation of
 their errors (`correlation`). A grid twice as dense has four times the points and nearly the same standard errors.
 
-Two numbers tell how much the result can be trusted:
+Two numbers measure how reliable the result is:
 
 - *independent points*: n²/Σ_pq R_pq of u. So many points of separate windows would determine the mean displacement
   as well.

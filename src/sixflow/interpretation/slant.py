@@ -81,7 +81,7 @@ def slant_and_tilt(
     heading : (X, Y, Z), optional
         Direction of the translation in the camera's axes, of any length above 0.
     rotation : (X, Y, Z), optional
-        Known rotation, rad/s if the fit knows the frame interval, else per frame interval; (0, 0, 0) for none. At
+        Known rotation, rad/s if the frame interval is known, else per frame interval; (0, 0, 0) for none. At
         least one of heading and rotation is needed.
     point : (x, y), optional
         px; the middle of the region's points by default.

@@ -1,4 +1,4 @@
-"""Table: what the pairs of a field say, one after the other.
+"""Table: the interpretations of the pairs of a field, one after the other.
 
 Rows are pairs, columns are the numbers of `interpret`, each with its standard error and unit.
 """

@@ -6,7 +6,7 @@
 | `series` | one mask for all frames, or one for each |
 | `files`, `pictures`, `imagej` | masks from files |
 | `outlines` | polygons and rectangles as pixels |
-| `said` | what a mask leaves that nobody can have wanted |
+| `said` | notes on masks that leave out nothing, or nearly everything |
 """
 
 from sixflow.masks.bodies import REACH as REACH

@@ -1,4 +1,4 @@
-"""Said: what a mask leaves that nobody can have wanted.
+"""Said: notes on masks that leave out nothing, or nearly everything.
 
 A mask that leaves nothing out may have been saved with two values of which none is 0, or not at all. One that leaves
 less than a window holds may be inverted. Both are measured as they are, and noted. Bodies that are numbered from 1 to n

@@ -52,7 +52,7 @@ def plot_field(
     units : {"px", "physical"}
         "physical" draws velocities and rates, on axes in units of length; the field must be calibrated.
     path : str or path, optional
-        Save the figure here at 300 dpi; the suffix says how: .png, .pdf, .svg.
+        Save the figure here at 300 dpi; the suffix chooses the format: .png, .pdf, .svg.
     arrows, glyphs : int
         About this many of them along the longer side, at least 1.
     exaggerate : float, optional

@@ -12,6 +12,7 @@ screen.
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from sixflow.scenes.arguments import Array
 
@@ -39,49 +40,23 @@ def unskew(matrix: Array) -> Array:
 
 def rotation_matrix(vector: Array) -> Array:
     """R = exp [ω]×, shape (3, 3), of a rotation vector, rad."""
-    first, second, _ = _factors(vector)
-    S = skew(vector)
-    return np.eye(3) + first * S + second * S @ S
+    return np.asarray(Rotation.from_rotvec(vector).as_matrix())
 
 
 def drift_matrix(vector: Array) -> Array:
     """V, shape (3, 3): a steady motion of velocity T + ω × X displaces the origin by V T in unit time."""
-    _, second, third = _factors(vector)
+    second, third = _factors(vector)
     S = skew(vector)
     return np.eye(3) + second * S + third * S @ S
 
 
 def rotation_vector(matrix: Array) -> Array:
-    """ω with exp [ω]× = R, of an angle from 0 to π, by way of the quaternion; at π either axis fits."""
-    R = matrix
-    squares = np.array(
-        [
-            1 + R[0, 0] + R[1, 1] + R[2, 2],
-            1 + R[0, 0] - R[1, 1] - R[2, 2],
-            1 - R[0, 0] + R[1, 1] - R[2, 2],
-            1 - R[0, 0] - R[1, 1] + R[2, 2],
-        ]
-    )  # four times the squares of the quaternion's parts
-    odd = 2 * unskew(R)
-    cross = np.array(
-        [
-            [squares[0], *odd],
-            [odd[0], squares[1], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]],
-            [odd[1], R[0, 1] + R[1, 0], squares[2], R[1, 2] + R[2, 1]],
-            [odd[2], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], squares[3]],
-        ]
-    )
-    largest = int(np.argmax(squares))
-    quaternion = cross[largest] / (2 * np.sqrt(squares[largest]))
-    quaternion = quaternion if quaternion[0] >= 0 else -quaternion
-    sine = float(np.linalg.norm(quaternion[1:]))
-    if sine == 0:
-        return np.zeros(3)
-    return np.asarray(2 * np.arctan2(sine, quaternion[0]) / sine * quaternion[1:])
+    """ω with exp [ω]× = R, of an angle from 0 to π; at π either axis fits."""
+    return np.asarray(Rotation.from_matrix(matrix).as_rotvec())
 
 
-def _factors(vector: Array) -> tuple[float, float, float]:
-    """The factors sin θ/θ, (1 − cos θ)/θ², (θ − sin θ)/θ³."""
+def _factors(vector: Array) -> tuple[float, float]:
+    """The factors (1 − cos θ)/θ² and (θ − sin θ)/θ³ of V."""
     angle = float(np.linalg.norm(vector))
     square = angle * angle
     third = (
@@ -89,4 +64,4 @@ def _factors(vector: Array) -> tuple[float, float, float]:
         if angle < _SMALL
         else (angle - float(np.sin(angle))) / (square * angle)
     )
-    return float(np.sinc(angle / np.pi)), float(np.sinc(angle / 2 / np.pi)) ** 2 / 2, third
+    return float(np.sinc(angle / 2 / np.pi)) ** 2 / 2, third

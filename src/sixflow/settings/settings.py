@@ -93,8 +93,8 @@ class Settings:
     float64 : bool
         Compute in double precision: twice the memory, for noise-free studies.
     pixel_size : float or None
-        Length of one pixel in the object, in `length_unit`. It changes no measured number; it lets the
-        field speak physical units.
+        Length of one pixel in the object, in `length_unit`. It changes no measured number; with it the
+        field has physical units.
     length_unit : str
         Unit of `pixel_size`.
     frame_interval : float or None

@@ -87,18 +87,17 @@ def gather(
     y: Array,
     blobs: Array,
     start: NDArray[np.int64],
-    side: float,
-    i0: int,
-    j0: int,
-    columns: int,
+    cells: tuple[float, int, int, int],
     drop: float,
     out: Array,
 ) -> None:
     """Sum of blobs A exp(−r²/(2σ²)) and its two derivatives at points, written to out, shape (3, n).
 
-    `blobs` has columns x, y, A, 1/(2σ²), sorted by cell; `start[c]` is the first blob of cell c. A blob ends
-    where −log of its relative value exceeds `drop`; no blob reaches further than two cells.
+    `blobs` has columns x, y, A, 1/(2σ²), sorted by cell; `start[c]` is the first blob of cell c. `cells` are the side
+    of a cell, column and row of the first one, and their number in a row. A blob ends where −log of its relative value
+    exceeds `drop`; no blob reaches further than two cells.
     """
+    side, i0, j0, columns = cells
     rows = (start.size - 1) // columns
     for p in range(x.size):
         i = int(np.floor(x[p] / side)) - i0

@@ -127,7 +127,7 @@ def _sum(x: Array, y: Array, reach: float, blobs: Array, box: Box) -> Array:
     def task(first: int, last: int) -> None:
         part = slice(first, last)
         values = np.empty((3, x[part].size))
-        _cells.gather(x[part], y[part], blobs, start, side, i0, j0, columns, _DROP, values)
+        _cells.gather(x[part], y[part], blobs, start, (side, i0, j0, columns), _DROP, values)
         out[:, part] = values
 
     over_strips(task, x.size, CHUNK)
