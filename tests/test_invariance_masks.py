@@ -1,5 +1,5 @@
-"""What does not count changes nothing, to the last bit: content outside the masks, and pixels without a value. The
-settings and the comparison are those of `invariant`.
+"""What does not count changes nothing, to the last bit: content outside the masks, and pixels without a value. Where
+these end, no direction is preferred. The settings and the comparison are those of `invariant`.
 """
 
 import functools
@@ -9,10 +9,15 @@ import pytest
 
 from invariant import (
     CASES,
+    ROUNDING,
+    SETTINGS,
     SHAPE,
+    TURNED,
     assert_identical,
+    assert_turned,
     field_of,
     recording,
+    turned,
 )
 
 
@@ -88,3 +93,17 @@ def test_what_is_hidden_in_pixels_without_a_value_does_not_count(kind, name):
     assert_identical(field_of(np.where(lost, -np.inf, frames), name, kind), field)
     covered = [np.ma.array(with_content(frame, ~lost, "glare"), mask=lost) for frame in frames]
     assert_identical(field_of(covered, name, kind), field)
+
+
+@pytest.mark.parametrize("how", TURNED)
+@pytest.mark.parametrize("name", ["default", "middle"])
+def test_masks_are_turned_with_the_frames(name, how):
+    frames, keep = recording(), region(SHAPE)
+    other = field_of(turned(frames, how), name, mask=turned(np.stack([keep, keep]), how))
+    assert_turned(masked_field("speckle", name), other, how, ROUNDING)
+
+
+@pytest.mark.parametrize("name", [name for name in SETTINGS if "lowpass" in name])
+def test_the_rim_that_a_lowpass_takes_is_turned_with_the_frames(name):
+    other = field_of(turned(recording(), "by 90°"), name)
+    assert_turned(field_of(recording(), name), other, "by 90°", ROUNDING)
