@@ -26,7 +26,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -152,9 +152,9 @@ def load(path: Path) -> dict[str, Measured]:
         }
 
 
-def against(cases: Iterable[Case], kept: dict[str, Measured]) -> None:
-    """Measure the cases, and print how they agree with what was kept."""
-    rows, missed, absent, ratios = [], [], [], []
+def against(title: str, cases: Iterable[Case], kept: dict[str, Measured]) -> None:
+    """Measure the cases of one table, and print how they agree with what was kept."""
+    rows, missed, absent, ratios = [], 0, [], []
     for case in cases:
         if case.name not in kept:
             absent.append(case.name)
@@ -164,20 +164,26 @@ def against(cases: Iterable[Case], kept: dict[str, Measured]) -> None:
         row, met = compared(case, before, after, truth)
         rows.append(row)
         ratios.append(after.seconds / before.seconds)
-        missed += [] if met else [case.name]
-    header = ["case", "given", "after", "median", "largest", "±", "flags", "rms px", "after", "spread", "after",
-              "time", ""]  # fmt: skip
-    show(f"Difference in standard errors: targets median ≤ {MEDIAN}, largest ≤ {LARGEST}", header, rows)
-    console.print(f"{len(rows) - len(missed)} of {len(rows)} cases meet the targets", end="")
-    console.print(f"; processor time {np.median(ratios):.2f} of that before (median)" if ratios else "")
+        missed += not met
+    if rows:
+        header = ["case", "given", "after", "median", "largest", "±", "flags", "rms px", "after", "spread", "after",
+                  "time", ""]  # fmt: skip
+        show(f"{title}: difference in standard errors; median ≤ {MEDIAN}, largest ≤ {LARGEST}", header, rows)
+        console.print(
+            f"{len(rows) - missed} of {len(rows)} cases meet the targets; processor time {np.median(ratios):.2f} of "
+            "that before (median)\n"
+        )
     if absent:
-        console.print(f"not in the file, and not compared: {'; '.join(absent)}")
+        console.print(f"not in the file, and not compared: {'; '.join(absent)}\n")
 
 
-def chosen(words: list[str], public: Path | None) -> Iterator[Case]:
-    """The cases whose names contain one of the words; all if there is none."""
-    for cases in (synthetic_cases(), public_cases(public) if public else ()):
-        yield from (case for case in cases if not words or any(word in case.name for word in words))
+def chosen(words: list[str], public: Path | None) -> dict[str, list[Case]]:
+    """The cases whose names contain one of the words, all if there is none, by the table that they stand in."""
+    tables = {"Rendered cases": synthetic_cases(), "Public cases": public_cases(public) if public else ()}
+    return {
+        title: [case for case in cases if not words or any(word in case.name for word in words)]
+        for title, cases in tables.items()
+    }
 
 
 def main() -> None:
@@ -191,12 +197,14 @@ def main() -> None:
     parser.add_argument("--public", type=Path, metavar="FOLDER", help="public cases too")
     arguments = parser.parse_args()
     console.print(f"sixflow {sixflow.__version__}, {Path(sixflow.__file__).parent}\n")
-    cases = chosen(arguments.words, arguments.public)
     try:
+        tables = chosen(arguments.words, arguments.public)
         if arguments.save:
-            save(arguments.save, {case.name: measure(case)[0] for case in cases})
-        else:
-            against(cases, load(arguments.against))
+            save(arguments.save, {case.name: measure(case)[0] for cases in tables.values() for case in cases})
+            return
+        kept = load(arguments.against)
+        for title, cases in tables.items():
+            against(title, cases, kept)
     except CaseError as error:
         parser.exit(2, f"{parser.prog}: {error}\n")
 

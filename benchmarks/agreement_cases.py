@@ -120,16 +120,21 @@ def masked(kind: str) -> Scene:
     return dataclasses.replace(scene, mask=keep if kind == "one" else np.stack([keep, keep]))
 
 
+def spelled(options: dict[str, Any]) -> str:
+    """Settings as a case's name gives them."""
+    return ", ".join(f"{key}={value}" for key, value in options.items()) or "default"
+
+
+def case(name: str, scene: Callable[[], Scene], **options: Any) -> Case:
+    return Case(f"{name}; {spelled(options)}" if options else name, scene, options)
+
+
+def small(name: str, pattern: synth.Pattern, **options: Any) -> Case:
+    return case(name, functools.partial(affine, pattern), **options)
+
+
 def synthetic_cases() -> Iterator[Case]:
     """All cases that are rendered."""
-
-    def case(name: str, scene: Callable[[], Scene], **options: Any) -> Case:
-        spelled = ", ".join(f"{key}={value}" for key, value in options.items())
-        return Case(f"{name}{'; ' if spelled else ''}{spelled}", scene, options)
-
-    def small(name: str, pattern: synth.Pattern, **options: Any) -> Case:
-        return case(name, functools.partial(affine, pattern), **options)
-
     for sigma in (1.4, 2.0, 2.4):
         yield case(f"speckle σ {sigma}, 1 %, 512²", functools.partial(affine, speckle(sigma), side=512))
         yield case(f"speckle σ {sigma}, 5 %", functools.partial(affine, speckle(sigma), LARGE))
@@ -140,13 +145,13 @@ def synthetic_cases() -> Iterator[Case]:
         for noise in (1.0, 2.0, 5.0, 12.0):
             yield case(f"{name}, noise {noise:g}", functools.partial(affine, pattern, noise=noise))
         yield case(f"{name}, 5 %", functools.partial(affine, pattern, LARGE))
-    yield from _motions(case)
-    yield from _settings(small)
-    yield from _groups(case)
-    yield from _light_and_foreign(case)
+    yield from _motions()
+    yield from _settings()
+    yield from _groups()
+    yield from _light_and_foreign()
 
 
-def _motions(case: Callable[..., Case]) -> Iterator[Case]:
+def _motions() -> Iterator[Case]:
     for name, six in (
         ("shift of 23.4 px", (23.4, -11.3, 0, 0, 0, 0)),
         ("rotation by 20°", (0, 0, 2 * np.cos(0.35) - 2, 2 * np.sin(0.35), 0, 0)),
@@ -163,7 +168,7 @@ def _motions(case: Callable[..., Case]) -> Iterator[Case]:
     yield case("speckle, star", functools.partial(flow, star, speckle()), window="auto")
 
 
-def _settings(small: Callable[..., Case]) -> Iterator[Case]:
+def _settings() -> Iterator[Case]:
     for window in (8, 11, 16, 21, 41, 62):
         yield small("speckle", speckle(), window=window)
     for step in (4, 5, 11):
@@ -183,10 +188,10 @@ def _settings(small: Callable[..., Case]) -> Iterator[Case]:
     yield small("speckle", speckle(), forward_backward=True)
     for kind in ("one", "two", "nan"):
         for options in ({}, {"lighting": "local"}, {"reference": "middle", "sharpen": 2}):
-            yield Case(f"speckle, mask: {kind}; {options}", functools.partial(masked, kind), options)
+            yield case(f"speckle, mask: {kind}", functools.partial(masked, kind), **options)
 
 
-def _groups(case: Callable[..., Case]) -> Iterator[Case]:
+def _groups() -> Iterator[Case]:
     """Motions of each group, and once one that is not of it."""
     turn = (2 * np.cos(0.006) - 2, 2 * np.sin(0.006))
     motions = {
@@ -202,7 +207,7 @@ def _groups(case: Callable[..., Case]) -> Iterator[Case]:
     yield case("speckle, strain of 1 %", functools.partial(affine, speckle()), group="euclidean")
 
 
-def _light_and_foreign(case: Callable[..., Case]) -> Iterator[Case]:
+def _light_and_foreign() -> Iterator[Case]:
     plain = synth.Sensor(noise=NOISE, seed=1)
     dim = dataclasses.replace(plain, gain=0.7, offset=20, shading=0.2)
     for lighting in ("auto", "gain+offset", "local"):
@@ -241,7 +246,7 @@ def public_cases(root: Path) -> Iterator[Case]:
     for folder in find_cases(str(root)):
         name = name_of(folder, root)
         for options in PUBLIC_SETTINGS:
-            yield Case(f"{name}; {options or 'default'}", functools.partial(_read, folder, name), options)
+            yield Case(f"{name}; {spelled(options)}", functools.partial(_read, folder, name), options)
 
 
 @functools.lru_cache(maxsize=1)
