@@ -11,7 +11,7 @@ from rich.table import Table
 
 from sixflow import synth
 from sixflow.convention import SIX
-from sixflow.engine.moments import moments_strip, sandwich_strip
+from sixflow.engine.taps import moments_strip, sandwich_strip
 from sixflow.engine.window import moment_weights
 from sixflow.maps.grid import Grid
 

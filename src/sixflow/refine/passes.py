@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.engine.blend import twist_of
+from sixflow.engine.interpolate import Interpolant
 from sixflow.engine.lowpass import lowpass_noise, smoothed
-from sixflow.engine.moments import moments_strip, sandwich_strip, statistics_strip
 from sixflow.engine.solve import (
     covariance_strip,
     explained_strip,
@@ -32,14 +32,15 @@ from sixflow.engine.solve import (
     texture_strip,
 )
 from sixflow.engine.spline import DEGREE, gradient_noise, noise_variance
+from sixflow.engine.sweep import DERIVATIVE, Form, Images, Motion, Pair, image_strip
+from sixflow.engine.taps import moments_strip, sandwich_strip, statistics_strip
 from sixflow.engine.threads import over_strips
-from sixflow.engine.warp import DERIVATIVE, bring_strip, warp_strip
 from sixflow.engine.weigh import NEGLIGIBLE, apply_weights, find_weights, weighing_noise, weight_slope
 from sixflow.engine.window import moment_weights
 from sixflow.judge.flags import MINIMUM_KEPT, MINIMUM_TEXTURE, MINIMUM_WEIGHT
 from sixflow.maps.grid import Grid
 from sixflow.maps.restriction import ABSENT, allowed, confined, joined, maps_of, projection, unknowns
-from sixflow.prepare.frame import Frame
+from sixflow.prepare.frame import NO_MASK, Frame
 from sixflow.refine.quality import Quality, Seen, above_floor, feedback_scale, shrunk_noise, six_from_unknowns
 from sixflow.refine.workspace import Workspace
 from sixflow.settings import Settings
@@ -169,46 +170,27 @@ class Passes:
         """Fill the workspace's gradient, right-hand side and residual (and the warped frame, where the
         light is estimated).
         """
-        shape, dtype, grid = self.reference.image.shape, self.dtype, self.grid
-        none = np.empty((0, 0), dtype)
-        image, valid, still_variance = self.reference.image, self.reference_valid, none
-        if self.central:
-            image, valid, still_variance = self._bring_reference(-reduced / 2, -plane / 2)
-            reduced, plane = reduced / 2, plane / 2
-        residual = self.workspace.array("residual", shape, dtype)
-        warped = self.workspace.array("warped", shape, dtype) if self.by_window else none
-        local, twist = reduced.astype(dtype), twist_of(reduced, grid.step).astype(dtype)
-        images, plane = self._images(), plane.astype(dtype)
-        variance = noise_variance(self.degree, self.settings.lowpass)
-        over_strips(
-            lambda start, stop: warp_strip(
-                image, self.coefficients, valid, self.moved_valid, local, twist, grid.origin_and_step, plane,
-                self.lighting, self.degree, total, variance, 2.0 if self.central else 1.0, still_variance,
-                start, stop, *images, residual, warped,
-            ),
-            shape[0],
-            STRIP,
-        )  # fmt: skip
-
-    def _bring_reference(
-        self, reduced: NDArray[Any], plane: NDArray[Any]
-    ) -> tuple[NDArray[Any], NDArray[np.uint8], NDArray[Any]]:
-        """Bring frame 0 to the middle: its values there, where it has any, and the variance of their noise."""
         shape, dtype, grid, array = self.reference.image.shape, self.dtype, self.grid, self.workspace.array
-        still, valid = array("still", shape, dtype), array("still_valid", shape, np.uint8)
-        variance = array("still_variance", shape, dtype)
-        local, twist = reduced.astype(dtype), twist_of(reduced, grid.step).astype(dtype)
-        coefficients, asked = self.reference.coefficients(self.degree), self.reference_valid
-        base, noise = plane.astype(dtype), noise_variance(self.degree, self.settings.lowpass)
-        over_strips(
-            lambda start, stop: bring_strip(
-                coefficients, asked, local, twist, grid.origin_and_step, base, self.degree, noise,
-                start, stop, still, valid, variance,
-            ),
-            shape[0],
-            STRIP,
-        )  # fmt: skip
-        return still, valid, variance
+        if self.central:
+            reduced, plane = reduced / 2, plane / 2
+        noise, nowhere = noise_variance(self.degree, self.settings.lowpass), np.empty((0, 0), dtype)
+        coefficients = self.reference.coefficients(self.degree) if self.central else nowhere
+        pair = Pair(
+            self.reference.image,
+            NO_MASK if self.central else self.reference_valid,
+            Interpolant(coefficients, self.reference_valid if self.central else NO_MASK, noise),
+            Interpolant(self.coefficients, self.moved_valid, noise),
+        )
+        twist = twist_of(reduced, grid.step).astype(dtype)
+        motion = Motion(
+            reduced.astype(dtype), twist, grid.origin_and_step, plane.astype(dtype), self.lighting
+        )
+        still = array("still", shape, dtype) if self.central else self.reference.image
+        images = Images(
+            *self._images(), array("residual", shape, dtype), still, array("warped", shape, dtype)
+        )
+        form = Form(self.degree + 1, total, self.central)
+        over_strips(lambda start, stop: image_strip(pair, motion, form, start, stop, images), shape[0], STRIP)
 
     def still(self) -> NDArray[Any]:
         """Frame 0 as the last pass compared it: at its own pixels, or brought to the middle."""
