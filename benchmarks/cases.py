@@ -41,7 +41,7 @@ def cramer_rao(pattern: Any, side: int, grid: Grid, window: float, noise: float)
 
     H⁻¹ (Σ w² 2σ² J Jᵀ) H⁻¹ with the pattern's analytic gradient and the true noise σ in both frames.
     """
-    from sixflow.engine.moments import moments_strip, sandwich_strip
+    from sixflow.engine.taps import moments_strip, sandwich_strip
     from sixflow.engine.window import moment_weights
 
     x, y = np.meshgrid(np.arange(side, dtype=float), np.arange(side, dtype=float))

@@ -27,7 +27,7 @@ from sixflow.eigenfilters.default import SMALLEST_ARRAY, array_bank, array_spaci
 from sixflow.eigenfilters.geometry import Real
 from sixflow.eigenfilters.pool import Pool, shifted
 from sixflow.eigenfilters.projection import Projection
-from sixflow.engine.warp import DERIVATIVE
+from sixflow.engine.sweep import DERIVATIVE
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
 from sixflow.maps.grid import Grid
@@ -45,7 +45,8 @@ from sixflow.refine.least_squares import floor_of_windows, mean_floor
 from sixflow.refine.light import light_of_images
 from sixflow.refine.problem import Pass, State
 from sixflow.refine.solution import Solution, WindowStatistics
-from sixflow.refine.sweep import Sweep, mean_plane, window_means
+from sixflow.refine.sweep import Sweep, mean_plane
+from sixflow.refine.windows import window_means
 
 _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2), (2, 1), (1, 2), (2, -1), (1, -2))
 """One of each pair ±δ of positions whose noise is counted as shared; further ones share too little to matter."""
@@ -126,7 +127,7 @@ class EigenfilterProblem:
         normal = self.pool.matrices(equations.normal) / self.array.frame_constant
         right = self.pool.vectors(equations.right) / self.array.frame_constant
         solution, update = self._solved(normal, right, maps, total)
-        weight = window_means(counted.astype(seen.still.dtype), self.grid, self.sigma)[1]
+        (weight,) = window_means((counted.astype(seen.still.dtype),), self.grid, self.sigma)
         light = light_of_images(seen, self.grid, self.sigma) if by_window else None
         return EigenfilterPass(
             start=maps, maps=solution, update=update,
@@ -148,7 +149,7 @@ class EigenfilterProblem:
             self.plan, covariance, found.statistics, maps, left, sharpened=sharpened, held=held
         )
         light = found.state.light
-        return made if light is None else made.replace(light=np.moveaxis(light[:, 0], 0, -1))
+        return made if light is None else made.replace(light=np.moveaxis(light, 0, -1))
 
     def _solved(self, normal: Real, right: Real, maps: Real, total: bool) -> tuple[Real, Real]:
         """The solution of the pooled equations, and the change of the motion that it makes."""

@@ -22,7 +22,19 @@ _KERNELS: list[Any] = []
 
 def kernel(function: Kernel) -> Kernel:
     """Compile `function` on first use for the types it meets, and keep the machine code on disk."""
-    compiled = numba.njit(**_OPTIONS)(function)
+    return _compiled(function, _OPTIONS)
+
+
+def inner(function: Kernel) -> Kernel:
+    """Compile `function` as `kernel` does, for other kernels alone: Python cannot call it.
+
+    What passes arguments and results between Python and machine code takes most of the compilation of a small kernel.
+    """
+    return _compiled(function, {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True})
+
+
+def _compiled(function: Kernel, options: dict[str, Any]) -> Kernel:
+    compiled = numba.njit(**options)(function)
     kept_on_disk(compiled, repr((_FAST, _OPTIONS["nogil"], _OPTIONS["error_model"])))
     _compile_once_for_constants(compiled)
     _KERNELS.append(compiled)

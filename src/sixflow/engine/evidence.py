@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.engine.compiler import kernel
-from sixflow.engine.warp import warp_row
+from sixflow.engine.interpolate import Interpolant, scratch_rows, warp_row
 
 EVIDENCE = 3.5
 """Standard deviations of L."""
@@ -93,9 +93,9 @@ def _compare_row(
             u[a] = x - half + way * u[a]  # the row's pixels count from 0
             v[a] = way * (motion[1] + motion[4] * (a - half) + motion[5] * below)
         if part == 0:
-            warp_row(moved, moved_valid, u, v, row, taps, out, nothing, noise)
+            warp_row(Interpolant(moved, moved_valid, noise), u, v, row, taps, out, nothing)
         elif share > 0:
-            warp_row(coefficients, valid, u, v, row, taps, before, nothing, noise)
+            warp_row(Interpolant(coefficients, valid, noise), u, v, row, taps, before, nothing)
     for a in range(side):
         column = x + a - half
         if share == 0:
@@ -176,7 +176,7 @@ def refuted_strip(
             half = math.ceil(REACH * sigma / 2)
             side, px, py = 2 * half + 1, x0 + i * step, y0 + j * step
             own, other, known = np.empty((side, side)), np.empty(side), np.zeros(side, np.bool_)
-            scratch = np.empty((2 * taps + 5, side))
+            scratch = np.empty((3 + scratch_rows(taps), side))
             tone = (1.0, 0.0)
             if light.size:
                 tone = (float(light[j, i, 0]), float(light[j, i, 1]))

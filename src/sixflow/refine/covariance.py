@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.lowpass import lowpass_noise, smoothed
+from sixflow.engine.lowpass import lowpass_noise
 from sixflow.engine.solve import FEEDBACK_STEP, covariance_strip, noise_feedback, normal_matrices
 from sixflow.engine.threads import over_strips
 from sixflow.engine.weigh import weighing_noise, weight_slope
@@ -22,7 +22,7 @@ from sixflow.engine.window import sharpening_noise
 from sixflow.maps.restriction import ABSENT, allowed, projection
 from sixflow.plan import Plan
 from sixflow.refine.solution import Solution, WindowStatistics
-from sixflow.refine.sweep import squared_window_sums, window_means, window_sums, with_weights
+from sixflow.refine.windows import image_sums, squared_window_sums, window_means
 
 if TYPE_CHECKING:
     from sixflow.refine.least_squares import LeastSquares, LeastSquaresPass
@@ -116,8 +116,8 @@ def covariance_of_pass(
 
 def _share(problem: LeastSquares, image: Array, sigma: float | None = None) -> NDArray[np.float64]:
     """Window means of an image without NaN; shape (rows, columns)."""
-    weight, total = window_means(image, problem.grid, problem.sigma if sigma is None else sigma)
-    return np.asarray(total / weight)
+    means = window_means((image,), problem.grid, problem.sigma if sigma is None else sigma)
+    return np.asarray(means[0])
 
 
 def _matched(problem: LeastSquares, found: LeastSquaresPass, partner: Array) -> NDArray[np.float64]:
@@ -125,7 +125,7 @@ def _matched(problem: LeastSquares, found: LeastSquaresPass, partner: Array) -> 
     images, statistics, normal = found.images, found.statistics, found.sums.normal
     assert images is not None
     power = images.gradient_x**2 + images.gradient_y**2
-    every = window_means(power, problem.grid, problem.sigma)[1]
+    every = image_sums((power,), problem.grid, problem.sigma)[1]
     left = (normal[..., 0] + normal[..., 12]).astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
         of_noise = 2 * statistics.noise_gradient / statistics.weight
@@ -136,23 +136,13 @@ def _sandwich_covariance(
     problem: LeastSquares, found: LeastSquaresPass, transform: NDArray[np.float64]
 ) -> Array:
     """Covariance of the six numbers, `transform` times the unknowns θ; shape (rows, columns, 6, 6)."""
-    plan, statistics, sums, moments = problem.plan, found.statistics, found.sums, found.moments
-    if plan.lowpass:
-        images, weights = found.images, found.state.weights
-        assert images is not None
-        if weights is not None and weights.weight is not None:
-            images = with_weights(images, weights.weight)
-        blurred = (smoothed(one, plan.lowpass) for one in (images.gradient_x, images.gradient_y))
-        images = dataclasses.replace(images, **dict(zip(("gradient_x", "gradient_y"), blurred, strict=True)))
-        moments = problem.sweep.moments_of(images, sandwich=True)
-        sums = window_sums(moments, problem.grid, problem.sigma)
+    plan, statistics, sums = problem.plan, found.statistics, found.sums
     assert sums.sandwich is not None
     dtype = sums.sandwich.dtype
     sandwich = sums.sandwich * np.nan_to_num(statistics.left, nan=1.0)[..., None].astype(dtype)
     if statistics.lacking is not None:  # the residual of white noise at the floor of both frames
         floor = 2 * np.asarray(problem.floor) ** 2 * statistics.lacking
-        gradients = squared_window_sums(moments, problem.grid, problem.sigma)
-        sandwich += floor[..., None].astype(dtype) * gradients
+        sandwich += floor[..., None].astype(dtype) * _squares_of_gradients(problem, found)
     sandwich *= (shrunk_noise(found.maps) / lowpass_noise(plan.lowpass))[..., None].astype(dtype)
     normal = found.sums.normal
     if plan.group != "affine":
@@ -176,6 +166,17 @@ def _sandwich_covariance(
         GRID_STRIP,
     )
     return covariance
+
+
+def _squares_of_gradients(problem: LeastSquares, found: LeastSquaresPass) -> Array:
+    """Sandwich of a residual that is 1 everywhere; shape (rows, columns, 18)."""
+    moments = found.moments
+    if problem.plan.lowpass:
+        assert found.images is not None
+        weights = found.state.weights
+        weight = None if weights is None else weights.weight
+        moments = problem.sweep.moments_of(problem.sweep.filtered(found.images, weight))
+    return squared_window_sums(moments, problem.grid, problem.sigma)[..., :18]
 
 
 def _absorbed(

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from sixflow.engine.solve import explained_strip, normal_matrices, solve_strip, texture_strip
 from sixflow.engine.spline import gradient_noise
+from sixflow.engine.sweep import DERIVATIVE, Images
 from sixflow.engine.threads import over_strips
-from sixflow.engine.warp import DERIVATIVE
 from sixflow.engine.weigh import find_weights
 from sixflow.maps.grid import Grid
 from sixflow.maps.restriction import allowed, confined, maps_of, unknowns, with_shared_gradients
@@ -31,17 +31,11 @@ from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
 from sixflow.refine.covariance import above_floor, covariance_of_pass, solution_of_pass
 from sixflow.refine.light import light_of_windows
+from sixflow.refine.moments import Moments
 from sixflow.refine.problem import Pass, PixelWeights, State
 from sixflow.refine.solution import Solution, WindowStatistics
-from sixflow.refine.sweep import (
-    Images,
-    Moments,
-    Sweep,
-    WindowSums,
-    mean_plane,
-    window_means,
-    window_sums,
-)
+from sixflow.refine.sweep import Sweep, mean_plane
+from sixflow.refine.windows import WindowSums, window_means, window_sums
 
 GRID_STRIP = 16
 Array = NDArray[Any]
@@ -94,7 +88,7 @@ class LeastSquares:
         by_window = self.plan.lighting == "gain+offset"
         if by_window and state.light is None:
             sums = window_sums(self.sweep.moments(maps, total=total), self.grid, self.sigma)
-            state = dataclasses.replace(state, light=light_of_windows(sums, self.grid))
+            state = dataclasses.replace(state, light=light_of_windows(sums))
         images, weights = None, state.weights
         if weights is None and not (last and self.plan.lowpass):
             moments = self.sweep.moments(maps, total=total, light=state.light, sandwich=last)
@@ -107,7 +101,7 @@ class LeastSquares:
             )
         sums = window_sums(moments, self.grid, self.sigma)
         solution, update = self._solved(sums, maps, total)
-        light = light_of_windows(sums, self.grid) if by_window else None
+        light = light_of_windows(sums) if by_window else None
         return LeastSquaresPass(
             start=maps, maps=solution, update=update, statistics=self._statistics(sums, update),
             state=State(light, weights), sums=sums, moments=moments, images=images,
@@ -128,7 +122,7 @@ class LeastSquares:
         )
         if found.state.light is None:
             return solution
-        return solution.replace(light=np.moveaxis(found.state.light[:, 0], 0, -1))
+        return solution.replace(light=np.moveaxis(found.state.light, 0, -1))
 
     def _solved(self, sums: WindowSums, maps: Array, total: bool) -> tuple[Array, Array]:
         """The solution of the normal equations, and the change of the motion that it makes."""
@@ -211,5 +205,5 @@ def floor_of_windows(still: Frame, moved: Frame, grid: Grid, sigma: float) -> fl
         return floor
     counted = valid.astype(still.image.dtype) if valid.size else np.ones_like(still.image)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean_square = window_means(floor**2 * counted, grid, sigma)[1] / window_means(counted, grid, sigma)[1]
-        return np.asarray(np.sqrt(mean_square))
+        square, share = window_means((floor**2 * counted, counted), grid, sigma)
+        return np.asarray(np.sqrt(square / share))

@@ -69,9 +69,8 @@ class State:
 
     Attributes
     ----------
-    light : array, shape (2, 4, rows, columns), or None
-        Gain and offset of every window's light, each with its slopes and twist; None where light is steady or not yet
-        known.
+    light : array, shape (2, rows, columns), or None
+        Gain and offset of every window's light; None where light is steady or not yet known.
     weights : PixelWeights or None
         None: pixels are not weighed.
     """

@@ -31,17 +31,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.blend import blend_strip, twist_of
-from sixflow.engine.moments import affine_moments_strip
 from sixflow.engine.response import quotient
-from sixflow.engine.threads import over_strips
-from sixflow.engine.window import moment_weights
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import fill_failed, settle, typical
 from sixflow.refine.problem import Problem, State
 from sixflow.refine.solution import Solution
+from sixflow.refine.windows import motion_sums
 
-_STRIP = 16
 SHARPEN_PASSES = 8
 _HELD = 1 / 8  # of a whole stride
 _STANDS = 0.005  # px: passes that stop coming nearer than this have not diverged, whatever the tolerance
@@ -76,26 +72,19 @@ class UniformWindow:
         first_x, first_y = grid.x0 % spacing, grid.y0 % spacing
         self.grid, self.sigma, self.spacing = grid, sigma, spacing
         self.counted = np.ascontiguousarray(counted[first_y::spacing, first_x::spacing]).astype(np.float64)
-        self.place = (grid.x0 // spacing, grid.y0 // spacing, grid.step // spacing)
-        self.weights = moment_weights(sigma / spacing)
+        self.place = Grid(
+            grid.x0 // spacing, grid.y0 // spacing, grid.step // spacing, grid.columns, grid.rows
+        )
 
     def fit(self, maps: NDArray[Any]) -> NDArray[np.float64]:
         """M U: the affine fits of the blend of `maps`; shape (6, rows, columns).
 
         A point with too little of its window left for a fit keeps its map.
         """
-        grid, h = self.grid, self.spacing
-        lattice = maps.copy()
+        h = self.spacing
+        lattice = maps.astype(np.float64)
         lattice[2:] *= h  # per lattice spacing
-        u, v = np.empty_like(self.counted), np.empty_like(self.counted)
-        twist = twist_of(lattice, self.place[2])
-        over_strips(lambda a, b: blend_strip(lattice, twist, *self.place, a, b, u, v), u.shape[0], 4 * _STRIP)
-        sums = np.empty((*grid.shape, 12))
-        over_strips(
-            lambda a, b: affine_moments_strip(self.counted, u, v, self.weights, self.place, a, b, sums),
-            grid.rows,
-            _STRIP,
-        )
+        sums = motion_sums(self.counted, lattice, self.place, self.sigma / h)
         m = np.moveaxis(sums, -1, 0)
         fitted = maps.astype(np.float64)
         # Cramer's rule for the symmetric matrix of (1, X, Y)
