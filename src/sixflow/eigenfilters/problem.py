@@ -46,7 +46,7 @@ from sixflow.refine.light import light_of_images
 from sixflow.refine.problem import Pass, State
 from sixflow.refine.solution import Solution, WindowStatistics
 from sixflow.refine.sweep import Sweep, mean_plane
-from sixflow.refine.windows import window_means
+from sixflow.refine.windows import image_sums
 
 _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2), (2, 1), (1, 2), (2, -1), (1, -2))
 """One of each pair ±δ of positions whose noise is counted as shared; further ones share too little to matter."""
@@ -127,7 +127,7 @@ class EigenfilterProblem:
         normal = self.pool.matrices(equations.normal) / self.array.frame_constant
         right = self.pool.vectors(equations.right) / self.array.frame_constant
         solution, update = self._solved(normal, right, maps, total)
-        (weight,) = window_means((counted.astype(seen.still.dtype),), self.grid, self.sigma)
+        weight = image_sums((counted.astype(seen.still.dtype),), self.grid, self.sigma)[1]
         light = light_of_images(seen, self.grid, self.sigma) if by_window else None
         return EigenfilterPass(
             start=maps, maps=solution, update=update,
