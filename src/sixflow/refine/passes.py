@@ -42,6 +42,7 @@ from sixflow.maps.grid import Grid
 from sixflow.maps.restriction import ABSENT, allowed, confined, joined, maps_of, projection, unknowns
 from sixflow.prepare.frame import NO_MASK, Frame
 from sixflow.refine.quality import Quality, Seen, above_floor, feedback_scale, shrunk_noise, six_from_unknowns
+from sixflow.refine.sweep import rows_of
 from sixflow.refine.workspace import Workspace
 from sixflow.settings import Settings
 
@@ -190,7 +191,11 @@ class Passes:
             *self._images(), array("residual", shape, dtype), still, array("warped", shape, dtype)
         )
         form = Form(self.degree + 1, total, self.central)
-        over_strips(lambda start, stop: image_strip(pair, motion, form, start, stop, images), shape[0], STRIP)
+        over_strips(
+            lambda top, bottom: image_strip(pair, motion, form, top, bottom, rows_of(images, top, bottom)),
+            shape[0],
+            STRIP,
+        )
 
     def still(self) -> NDArray[Any]:
         """Frame 0 as the last pass compared it: at its own pixels, or brought to the middle."""
