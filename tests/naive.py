@@ -136,13 +136,14 @@ def in_moved_axes(gx, gy, u, v, plane):
 
 
 def _at(image, x, y, degree, valid):
-    """Image at places; NaN outside of it, and where the pixel before them is not valid."""
+    """Image at places; NaN outside of it, and where a pixel around them is not valid."""
     height, width = image.shape
     inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
     if valid is not None:
-        column = np.clip(np.floor(np.where(inside, x, 0)).astype(int), 0, width - 1)
-        row = np.clip(np.floor(np.where(inside, y, 0)).astype(int), 0, height - 1)
-        inside &= valid[row, column]
+        x0, y0 = np.where(inside, x, 0), np.where(inside, y, 0)
+        for row in (np.floor(y0), np.ceil(y0)):
+            for column in (np.floor(x0), np.ceil(x0)):
+                inside &= valid[row.astype(int), column.astype(int)].astype(bool)
     return np.where(
         inside, interpolate(image, np.where(inside, x, 0), np.where(inside, y, 0), degree), np.nan
     )

@@ -138,6 +138,29 @@ def scratch_rows(taps: int) -> int:
     return 2 * taps + _FRACTIONS
 
 
+@inner
+def _leave_out(
+    valid: NDArray[np.uint8],
+    row: int,
+    across: int,
+    run: tuple[int, int],
+    fx: NDArray[Any],
+    fy: NDArray[Any],
+    out: NDArray[Any],
+) -> None:
+    """NaN where one of the pixels around a place is not valid: the same in all directions."""
+    here, below = valid[row], valid[min(row + 1, valid.shape[0] - 1)]
+    last = valid.shape[1] - 1
+    for x in range(run[0], run[1]):
+        left = x + across
+        right = min(left + 1, last) if fx[x] > 0 else left
+        missing = here[left] == 0 or here[right] == 0
+        if fy[x] > 0:
+            missing = missing or below[left] == 0 or below[right] == 0
+        if missing:
+            out[x] = np.nan
+
+
 @kernel
 def warp_row(
     frame: Interpolant, u: NDArray[Any], v: NDArray[Any], y: int, scratch: NDArray[Any], out: NDArray[Any],
@@ -202,7 +225,5 @@ def warp_row(
         if last + across == columns and fx[last - 1] > 0:
             out[last - 1] = np.nan
         if frame.valid.size:
-            for x in range(first, last):
-                if frame.valid[row, x + across] == 0:
-                    out[x] = np.nan
+            _leave_out(frame.valid, row, across, (first, last), scratch[2], scratch[3], out)
         start = stop
