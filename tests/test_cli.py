@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import get_type_hints
 
@@ -29,15 +30,18 @@ QUICK = ("--window", "21", "--step", "16")
 DOCUMENTATION = Path(__file__).parents[1] / "docs" / "command-line.md"
 
 
+@cache
 def make_frames(count, seed=0):
-    """Return uint8 frames of 64 × 64 px that move by (1, 1) px each."""
+    """Return uint8 frames of 64 × 64 px that move by (1, 1) px each; not to be changed."""
     from scipy.ndimage import gaussian_filter
 
     rng = np.random.default_rng(seed)
     base = gaussian_filter(rng.normal(size=(80, 80)), 2, mode="wrap")
     base = 128 + 35 * base / base.std()
     frames = [np.roll(base, k, (0, 1))[:64, :64] + rng.normal(size=(64, 64)) for k in range(count)]
-    return np.stack(frames).clip(0, 255).astype(np.uint8)
+    made = np.stack(frames).clip(0, 255).astype(np.uint8)
+    made.flags.writeable = False
+    return made
 
 
 @pytest.fixture

@@ -60,15 +60,16 @@ BAD_INPUT = {
 }
 
 
-@pytest.fixture
-def troubled(field_file):  # noqa: F811
+@pytest.fixture(scope="module")
+def trouble(tmp_path_factory):
     """Return a folder with things that are not what they should be."""
-    folder = field_file.parent
-    tifffile.imwrite("small.tif", make_frames(1)[0, :32, :32])
-    tifffile.imwrite("pair.tif", make_frames(2), photometric="minisblack")
-    tifffile.imwrite("zero.tif", np.zeros((64, 64), np.uint8))
-    tifffile.imwrite("flat.tif", np.full((64, 64), 7, np.uint8))
-    shutil.copy("A.tif", "mask.jpg")
+    folder = tmp_path_factory.mktemp("trouble")
+    frames = make_frames(2)
+    tifffile.imwrite(folder / "small.tif", frames[0, :32, :32])
+    tifffile.imwrite(folder / "pair.tif", frames, photometric="minisblack")
+    tifffile.imwrite(folder / "zero.tif", np.zeros((64, 64), np.uint8))
+    tifffile.imwrite(folder / "flat.tif", np.full((64, 64), 7, np.uint8))
+    tifffile.imwrite(folder / "mask.jpg", frames[0])
     for name in ("text.tif", "text.nc"):
         (folder / name).write_text("not what it seems")
     (folder / "bad.toml").write_text("window =")
@@ -76,8 +77,15 @@ def troubled(field_file):  # noqa: F811
     (folder / "folder.png").mkdir()
     import xarray as xr
 
-    xr.Dataset({"a": ("t", [1.0])}).to_netcdf("other.nc", engine="h5netcdf")
+    xr.Dataset({"a": ("t", [1.0])}).to_netcdf(folder / "other.nc", engine="h5netcdf")
     return folder
+
+
+@pytest.fixture
+def troubled(field_file, trouble):  # noqa: F811
+    """Return a folder with a field, its frames, and things that are not what they should be."""
+    shutil.copytree(trouble, field_file.parent, dirs_exist_ok=True)
+    return field_file.parent
 
 
 @pytest.mark.parametrize("command", BAD_INPUT)

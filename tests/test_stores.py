@@ -129,6 +129,26 @@ def test_chunks_of_netcdf_that_were_never_written_fail(tmp_path):
         assert other.flag.dtype == np.uint16
 
 
+def test_variables_of_netcdf_of_unlike_lengths_are_told_or_filled(tmp_path):
+    """As a program leaves them that was killed between two variables: h5netcdf fills up the shorter ones."""
+    path = write_field(make_field(pairs=2), tmp_path / "f.nc")
+    with h5py.File(path, "r+") as file:
+        file["u"].resize(5, axis=0)
+    with pytest.raises(FieldFileError, match=r"f.nc: a part of .*time.* is missing"):
+        open_field(path)
+    path = write_field(make_field(pairs=2), tmp_path / "g.nc")
+    with h5py.File(path, "r+") as file:
+        for name in file:
+            if file[name].maxshape and file[name].maxshape[0] is None and name != "u":
+                file[name].resize(3, axis=0)
+                if file[name].ndim == 1 and file[name].dtype.kind in "iuf":
+                    file[name][2] = 2
+    with open_field(path) as field:
+        assert field.u.shape[0] == 3
+        assert np.isnan(field.u[2]).all()
+        assert not field.sixflow.valid[2].any()
+
+
 @pytest.mark.parametrize("name", ["x", "frame0", "param"])
 def test_coordinates_that_are_missing_are_refused(tmp_path, name):
     path = write_field(make_field(), tmp_path / "f.zarr")
