@@ -4,13 +4,19 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
+# Test files are shared out over processes, each file to one, so that fixtures of a module are made once. The kernels
+# are compiled before, or every process would compile the same; and OpenBLAS, given small products, works with one
+# thread, since several only wait for each other.
+WORKERS ?= --numprocesses auto --maxprocesses 4 --dist loadfile
+
 .PHONY: demo test lint types benchmarks clean
 
 demo: $(STAMP)
 	$(BIN)/sixflow demo --output demo --overwrite
 
 test: $(STAMP)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest  # small products: threads of the library only wait for each other
+	$(BIN)/sixflow warm-up --quiet
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $$($(BIN)/python -c 'import xdist' 2>/dev/null && echo $(WORKERS))
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

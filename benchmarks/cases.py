@@ -1,9 +1,12 @@
-"""What the benchmarks share: pairs with exact truth, errors at grid points, the Cramér–Rao value, tables."""
+"""What the benchmarks share: pairs with exact truth, errors at grid points, the Cramér–Rao value, tables.
+
+Inner modules of sixflow are imported where they are used: `agreement.py` measures with other versions of the package.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -11,9 +14,9 @@ from rich.table import Table
 
 from sixflow import synth
 from sixflow.convention import SIX
-from sixflow.engine.moments import moments_strip, sandwich_strip
-from sixflow.engine.window import moment_weights
-from sixflow.maps.grid import Grid
+
+if TYPE_CHECKING:
+    from sixflow.maps.grid import Grid
 
 console = Console(width=150)
 
@@ -38,6 +41,9 @@ def cramer_rao(pattern: Any, side: int, grid: Grid, window: float, noise: float)
 
     H⁻¹ (Σ w² 2σ² J Jᵀ) H⁻¹ with the pattern's analytic gradient and the true noise σ in both frames.
     """
+    from sixflow.engine.taps import moments_strip, sandwich_strip
+    from sixflow.engine.window import moment_weights
+
     x, y = np.meshgrid(np.arange(side, dtype=float), np.arange(side, dtype=float))
     gradient_x, gradient_y = (np.ascontiguousarray(g) for g in pattern.gradient(x, y))
     sigma = window / np.sqrt(4 * np.pi)

@@ -21,7 +21,7 @@ from cases import console, errors_at_points, rms, show, verdict
 from sixflow import synth
 from sixflow.engine.response import resolved
 from sixflow.engine.window import attenuation_period, sharpening_noise, window_sigma
-from sixflow.refine.resolution import LADDER, SHARPEN
+from sixflow.plan import LADDER, SHARPEN
 
 SIDE, WINDOW, NOISE = 512, 31, 2.0
 SHARP_CUT = (np.sqrt(-2 * np.log(0.9)), -np.sqrt(2) * np.log(0.9))

@@ -135,41 +135,122 @@ def in_moved_axes(gx, gy, u, v, plane):
     )
 
 
-def warp(reference, moved, maps, grid, plane, degree, total, noise, *, valid0=None, valid1=None, light=None):
+def _at(image, x, y, degree, valid):
+    """Image at places; NaN outside of it, and where the pixel before them is not valid."""
+    height, width = image.shape
+    inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+    if valid is not None:
+        column = np.clip(np.floor(np.where(inside, x, 0)).astype(int), 0, width - 1)
+        row = np.clip(np.floor(np.where(inside, y, 0)).astype(int), 0, height - 1)
+        inside &= valid[row, column]
+    return np.where(
+        inside, interpolate(image, np.where(inside, x, 0), np.where(inside, y, 0), degree), np.nan
+    )
+
+
+def warp(
+    reference,
+    moved,
+    maps,
+    grid,
+    plane,
+    degree,
+    total,
+    noise,
+    *,
+    valid0=None,
+    valid1=None,
+    light=None,
+    central=False,
+):
     """Gradient, right-hand side, residual and warped frame of one pass; `maps` are less the plane.
 
-    valid0, valid1: bool arrays or None; light: dense (gain, offset) or None; noise: function of the fraction.
+    valid0, valid1: bool arrays or None; light: dense (gain, offset) or None; noise: function of the fraction;
+    central: both frames are brought to the middle.
     """
     height, width = reference.shape
     y, x = np.mgrid[:height, :width].astype(float)
     u, v = blend(maps, grid, reference.shape)
-    to_x = x + u + plane[0] + plane[2] * x + plane[3] * y
-    to_y = y + v + plane[1] + plane[4] * x + plane[5] * y
-    inside = (to_x >= 0) & (to_x <= width - 1) & (to_y >= 0) & (to_y <= height - 1)
-    if valid1 is not None:
-        column = np.clip(np.floor(np.where(inside, to_x, 0)).astype(int), 0, width - 1)
-        row = np.clip(np.floor(np.where(inside, to_y, 0)).astype(int), 0, height - 1)
-        inside &= valid1[row, column]
-    warped = np.where(
-        inside, interpolate(moved, np.where(inside, to_x, 0), np.where(inside, to_y, 0), degree), np.nan
-    )
+    dx, dy = u + plane[0] + plane[2] * x + plane[3] * y, v + plane[1] + plane[4] * x + plane[5] * y
+    share = 0.5 if central else 1.0
+
+    def variance(part):
+        to_x, to_y = x + part * dx, y + part * dy
+        return noise(to_x - np.floor(to_x)) * noise(to_y - np.floor(to_y))
+
+    warped = _at(moved, x + share * dx, y + share * dy, degree, valid1)
+    if central:
+        still, still_variance = _at(reference, x - dx / 2, y - dy / 2, degree, valid0), variance(-0.5)
+    else:
+        still, still_variance = reference if valid0 is None else np.where(valid0, reference, np.nan), 1
     lit = warped if light is None else (warped - light[1]) / light[0]
-    r = lit - reference
-    mean = np.where(np.isfinite(r), (reference + lit) / 2, reference)
-    if valid0 is not None:
-        mean, r = np.where(valid0, mean, lit), np.where(valid0, r, np.nan)
-    gx, gy = in_moved_axes(differentiate(mean, 1), differentiate(mean, 0), u, v, plane)
+    r = lit - still
+    mean = np.where(np.isnan(lit), still, np.where(np.isnan(still), lit, (still + lit) / 2))
+    gx, gy = differentiate(mean, 1), differentiate(mean, 0)
+    if not central:
+        gx, gy = in_moved_axes(gx, gy, u, v, plane)
     r = np.where(np.isfinite(gx) & np.isfinite(gy), r, np.nan)
     known = np.isfinite(r)
     q = (gx * u + gy * v if total else 0) - r
-    variance = noise(to_x - np.floor(to_x)) * noise(to_y - np.floor(to_y))
     return {
         "gradient_x": np.where(known, gx, 0),
         "gradient_y": np.where(known, gy, 0),
         "right": np.where(known, q, 0),
-        "residual": r * np.sqrt(2 / (1 + variance)),
+        "residual": r * np.sqrt(2 / (still_variance + variance(share))),
         "warped": warped,
+        "still": np.nan_to_num(still) if central else reference,
     }
+
+
+def hat(t):
+    return np.clip(1 - np.abs(t), 0, None)
+
+
+def node_moments(product, order, lattice):
+    """Moments of one image about every node, weighted by hats, X and Y in spacings; (rows, columns, moments)."""
+    y, x = np.mgrid[: product.shape[0], : product.shape[1]].astype(float)
+    out = []
+    for j in range(lattice.rows):
+        for i in range(lattice.columns):
+            X = (x - lattice.x0 - i * lattice.spacing) / lattice.spacing
+            Y = (y - lattice.y0 - j * lattice.spacing) / lattice.spacing
+            w = hat(X) * hat(Y) * product
+            out.append([(w * part).sum() for part in _orders(order + 1, X, Y)])
+    return np.array(out).reshape(lattice.rows, lattice.columns, -1)
+
+
+def hat_weights(sigma, size, first, spacing, point, power=1):
+    """Weights of a line of pixels about a point: a Gaussian on nodes every `spacing` px, shared out by hats.
+
+    Nodes count that are no further than 3.5 σ/√power and half a spacing. w^power, w of integral 1.
+    """
+    width = sigma / np.sqrt(power)
+    variance = width**2 - (spacing**2 - 1) / 6
+    x, weights = np.arange(size, dtype=float), np.zeros(size)
+    for node in first + spacing * np.arange(-size - 20, 2 * size + 20):
+        if abs(node - point) <= 3.5 * width + spacing / 2:
+            gauss = np.exp(-((node - point) ** 2) / (2 * variance)) / np.sqrt(2 * np.pi * variance)
+            weights += gauss * hat((x - node) / spacing)
+    return weights * (2 * np.sqrt(np.pi) * sigma) ** (1 - power)
+
+
+def node_windows(products, orders, lattice, sigma, grid, power=1):
+    """Window sums of products under the window that nodes make, product by product; (rows, columns, Σ moments)."""
+    height, width = products[0].shape
+    out = np.empty((*grid.shape, sum(len(_orders(order + 1, 0.0, 0.0)) for order in orders)))
+    for j, i in np.ndindex(*grid.shape):
+        across = hat_weights(sigma, width, lattice.x0, lattice.spacing, grid.x[i], power)
+        down = hat_weights(sigma, height, lattice.y0, lattice.spacing, grid.y[j], power)
+        Y, X = np.meshgrid(
+            (np.arange(height) - grid.y[j]) / sigma, (np.arange(width) - grid.x[i]) / sigma, indexing="ij"
+        )
+        w = np.outer(down, across)
+        out[j, i] = [
+            (w * product * part).sum()
+            for product, order in zip(products, orders, strict=True)
+            for part in _orders(order + 1, X, Y)
+        ]
+    return out
 
 
 def window(sigma, shape, x, y, power=1):

@@ -6,8 +6,8 @@ from scipy import ndimage
 
 import measured
 from sixflow import measure
-from sixflow.prepare.frame import NO_MASK, Frame, continued
-from sixflow.prepare.nodata import blank, without_blanks
+from sixflow.prepare.frame import NO_MASK, Frame
+from sixflow.prepare.nodata import blank, continued, without_blanks
 from sixflow.synth import Affine, Particles, Sensor, Speckle, pair
 
 SHAPE = (160, 160)

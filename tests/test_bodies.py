@@ -5,11 +5,13 @@ import pytest
 
 import measured
 import naive
-from sixflow import InputError, between, measure, measure_sequence
+from sixflow import InputError, measure, measure_sequence
 from sixflow.engine.window import window_sigma
 from sixflow.masks import REACH, Bodies, Masks
-from sixflow.pair.body import Between
-from sixflow.prepare.frame import NO_MASK, flatten_lighting
+from sixflow.pair import body
+from sixflow.pair.body import Body
+from sixflow.prepare.frame import NO_MASK
+from sixflow.prepare.light import flatten_lighting
 from sixflow.synth import Affine, Sensor, Speckle, pair, render
 
 SIZE, EDGE, SHIFT = 176, 88, 1.3
@@ -155,7 +157,7 @@ def test_many_bodies_cost_little_more_than_one():
         j, i = divmod(k, 4)
         labels[100 * j + 20 : 100 * j + 80, 100 * i + 20 : 100 * i + 80] = k + 1
     seen = []
-    original = Between.measure
+    original = Body.measure
 
     def spy(self, *known):
         seen.append(self.still.image.size)
@@ -163,7 +165,7 @@ def test_many_bodies_cost_little_more_than_one():
 
     frame = render(Speckle(), (400, 400))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Between, "measure", spy)
+        patch.setattr(Body, "measure", spy)
         field = measure(frame, np.roll(frame, 1, axis=1), mask=labels)
     assert len(seen) == 16
     assert sum(seen) < 8 * frame.size
@@ -182,8 +184,8 @@ def test_one_search_for_many_bodies_begins_them_all(monkeypatch):
     tile = np.arange(192) // 64
     mask = 1 + tile[:, None] * 3 + tile
     searched = []
-    find_motion = between.find_motion
-    monkeypatch.setattr(between, "find_motion", lambda *args: searched.append(1) or find_motion(*args))
+    find_motion = body.find_motion
+    monkeypatch.setattr(body, "find_motion", lambda *args: searched.append(1) or find_motion(*args))
     field = measure(made.frame0, frame1, mask=mask)
     y, x = np.meshgrid(field.y, field.x, indexing="ij")
     own = (y > 84) & (y < 118) & (x < 40) & (x > 10)

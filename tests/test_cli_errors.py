@@ -31,6 +31,7 @@ BAD_INPUT = {
     "measure A.tif text.tif -o field.nc": "text.tif",
     "measure nowhere/*.tif -o field.nc": "no file matches",
     "measure A.tif B.tif -o field.nc --window 99": "smaller than window=99",
+    "measure A.tif B.tif -o field.nc --threads 0": "threads=0: must be a whole number of threads",
     "measure A.tif B.tif -o field.nc --settings none.toml": "none.toml",
     "measure A.tif B.tif -o field.nc --settings bad.toml": "not valid TOML",
     "measure A.tif B.tif -o field.nc --settings unknown.toml": "windows",

@@ -165,7 +165,9 @@ def test_first_run_needs_compiling(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
     assert done.stdout == "True True\n"
-    assert done.stderr == "sixflow: compiling kernels (first run only, about 15 s) …\n"
+    assert done.stderr == (
+        "sixflow: compiling kernels (first run only, about 15 s; `sixflow warm-up` does it beforehand) …\n"
+    )
 
 
 @pytest.mark.parametrize("float64", [False, True])

@@ -82,13 +82,26 @@ from upper import double
 from sixflow.engine.compiler import compiled_now
 print(double(3.0), compiled_now())
 """
+NEW_TYPES = (
+    PROGRAM
+    + """
+import numpy as np
+from sixflow.engine.compiler import kernel
+assert "numba.np.arraymath" not in sys.modules
+assert double(3) == 6 and isinstance(double(3), int)
+@kernel
+def total(x):
+    return double(x.sum()) + np.linalg.det(np.eye(2))
+assert total(np.ones(4)) == 9
+"""
+)
 
 
-def run(folder, **environment):
+def run(folder, program=PROGRAM):
     cache = {"NUMBA_CACHE_DIR": str(folder / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM.format(folder=str(folder))],
-        capture_output=True, text=True, env=os.environ | cache | environment,
+        [sys.executable, "-c", program.format(folder=str(folder))],
+        capture_output=True, text=True, env=os.environ | cache,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     value, compiled = done.stdout.split()
@@ -101,7 +114,7 @@ def test_edited_callee_in_another_file(tmp_path):
     lower.write_text(kernel + "@kernel\ndef twice(x):\n    return 2 * x\n")
     upper.write_text(kernel + "from lower import twice\n@kernel\ndef double(x):\n    return twice(x)\n")
     assert run(tmp_path) == (6.0, 2)
-    assert run(tmp_path) == (6.0, 0)
+    assert run(tmp_path, NEW_TYPES) == (6.0, 0)  # the compiler is loaded late, and whole
     lower.write_text(kernel + "@kernel\ndef twice(x):\n    return 5 * x\n")
     assert run(tmp_path) == (15.0, 2)
     for file in (tmp_path / "cache").rglob("*.nb?"):
@@ -109,8 +122,46 @@ def test_edited_callee_in_another_file(tmp_path):
     assert run(tmp_path) == (15.0, 2)
 
 
+def test_a_function_that_is_not_known_yet_loads_the_compiler(monkeypatch):
+    refreshed = []
+    context = type("", (), {"refresh": lambda self: refreshed.append(1)})()
+    monkeypatch.setattr(codecache.CompileResultCacheImpl, "rebuild", lambda self, context, code: code)
+    monkeypatch.setattr(codecache.rtsys, "initialize", lambda context: None)
+    stored = object.__new__(codecache.StoredCode)
+    assert stored.rebuild(context, (("Py_IncRef", "malloc"), "code")) == "code"
+    assert not refreshed
+    assert stored.rebuild(context, (("Py_IncRef", "none_of_this_name"), "code")) == "code"
+    assert refreshed
+
+
+def test_a_measurement_with_stored_code_loads_no_compiler():
+    """Which loads SciPy's linear algebra, and takes longer than all else."""
+    program = (
+        "import sys, numpy as np, sixflow\n"
+        "a = np.random.default_rng(0).normal(size=(64, 64))\n"
+        "sixflow.measure(a, a * (1 + 1e-6), threads=1)\n"
+        "from sixflow.engine.compiler import compiled_now\n"
+        "print(compiled_now(), *{'scipy.linalg', 'numba.np.arraymath', 'matplotlib', 'zarr', 'av'} & set(sys.modules))"
+    )
+    run = [sys.executable, "-c", program]
+    lines = [subprocess.run(run, capture_output=True, text=True).stdout for _ in range(2)]
+    assert lines[1].split() == ["0"], lines
+
+
+def test_where_no_folder_can_be_written_nothing_is_kept(monkeypatch):
+    def nowhere(self, function):
+        raise RuntimeError("no locator available")
+
+    monkeypatch.setattr(codecache.FunctionCache, "__init__", nowhere)
+    cache = CodeCache(inner, "")
+    assert cache.cache_path is None
+    assert cache.load_overload((), None) is None
+    cache.save_overload((), None)
+    assert cache.signatures() == []
+
+
 def test_few_versions_are_kept(tmp_path, monkeypatch):
-    cache = object.__new__(CodeCache)
+    cache = CodeCache(inner, "")
     cache._cache_path = str(tmp_path)
     monkeypatch.setattr(cache, "_impl", type("", (), {"filename_base": "fir.row-12.py311"}), raising=False)
     for number in range(8):

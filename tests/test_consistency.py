@@ -7,16 +7,14 @@ import measured
 from sixflow import measure
 from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.convention.flags import FAILING, FLAGS
+from sixflow.engine.contradiction import ERRORS, GRADIENT_AGREEMENT
+from sixflow.engine.neighbours import AGREEMENT
 from sixflow.engine.window import attenuation_period, window_sigma
 from sixflow.field.dataset import SIX
 from sixflow.judge.contradiction import (
-    ERRORS,
-    FLOOR,
-    GRADIENT_FLOOR,
     PHASE,
     SMOOTH,
     at_edge,
-    curvature,
     disagreement,
     gradient_outliers,
     gradient_variances,
@@ -26,6 +24,7 @@ from sixflow.judge.contradiction import (
 from sixflow.judge.replace import carry, predictions
 from sixflow.judge.roundtrip import closure, no_return
 from sixflow.maps.grid import Grid
+from sixflow.maps.neighbours import curvature
 from sixflow.synth import Affine, Sensor, Speckle, pair, render
 
 STEP, WINDOW = 8, 31
@@ -79,7 +78,7 @@ def naive_disagreement(maps, variances, period):
                         parts = [at(variances, n, *place) for n in (c, 2 + 2 * c, 3 + 2 * c)]
                         variance += np.array([1, h[0] ** 2, h[1] ** 2]) @ parts
                 ratio = abs(value[0] - value[2]) / (
-                    ERRORS * np.sqrt(variance) + FLOOR + smooth * np.nanmax([*slope, 0])
+                    ERRORS * np.sqrt(variance) + AGREEMENT + smooth * np.nanmax([*slope, 0])
                 )
                 worst[j, i] = np.nanmax([worst[j, i], ratio])
     return worst
@@ -111,7 +110,7 @@ def test_gradient_outliers():
             if len(around) < 5 or not np.isfinite(g + f):
                 continue
             m = np.median(around)
-            tolerance = 2 * np.sqrt(variances[k, j, i]) + GRADIENT_FLOOR
+            tolerance = 2 * np.sqrt(variances[k, j, i]) + GRADIENT_AGREEMENT
             far = abs(g - m) > 3 * (np.median(abs(around - m)) + tolerance) + 0.5 * abs(around).max()
             expected[j, i] |= far and abs(g - f) > 3 * tolerance + 0.5 * abs(g)
     assert expected[6, 9]

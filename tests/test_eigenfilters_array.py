@@ -9,16 +9,16 @@ from sixflow.eigenfilters.array import Images, gradient_factor, local_equations,
 from sixflow.eigenfilters.bank import THRESHOLD, FilterBank
 from sixflow.eigenfilters.default import array_bank, array_spacing
 from sixflow.eigenfilters.kernels import Gabor
-from sixflow.eigenfilters.passes import EigenfilterPasses, OperatorArray
 from sixflow.eigenfilters.pool import Pool, shifted
+from sixflow.eigenfilters.problem import EigenfilterProblem, OperatorArray
 from sixflow.eigenfilters.projection import Projection
-from sixflow.engine.warp import DERIVATIVE
+from sixflow.engine.sweep import DERIVATIVE
 from sixflow.engine.window import window_sigma
 from sixflow.maps.grid import Grid
 from sixflow.prepare.frame import NO_MASK, Frame
-from sixflow.refine.workspace import Workspace
-from sixflow.settings import Settings
+from sixflow.refine.problem import State
 from sixflow.synth import Affine, Speckle, pair
+from solved import plan_of
 
 DTYPES = [np.float32, np.float64]
 LENGTH = 5.0
@@ -262,12 +262,12 @@ def test_noise_that_operators_share():
     made = pair(Speckle(seed=2), Affine.translation(0.3, -0.2), shape)
     frames = [Frame(frame - 128, NO_MASK) for frame in (made.frame0, made.frame1)]
     grid = Grid.over(shape, 30)
-    passes = EigenfilterPasses(*frames, grid, Settings(method="eigenfilter", window=window), Workspace())
-    passes.solve(np.zeros((6, *grid.shape)))
-    lattice, array = passes.pool.lattice, passes.array
-    design = passes._equations.design.reshape(*lattice.shape, 6, -1)
+    problem = EigenfilterProblem(*frames, grid, plan_of(shape, method="eigenfilter", window=window))
+    equations = problem.step(np.zeros((6, *grid.shape)), State()).equations
+    lattice, array = problem.pool.lattice, problem.array
+    design = equations.design.reshape(*lattice.shape, 6, -1)
     noise = np.random.default_rng(8).uniform(0.5, 2, lattice.shape)
-    found = passes._correlated(passes._equations.design, noise)
+    found = problem._correlated(equations.design, noise)
     near = {(0, 0), *array.overlaps, *((-dx, -dy) for dx, dy in array.overlaps)}
     sigma = window_sigma(window)
     for j, i in np.ndindex(*grid.shape):

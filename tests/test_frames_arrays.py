@@ -130,7 +130,7 @@ def test_masked_arrays(stack):
 
 
 def test_masked_frames_of_a_pair():
-    from sixflow.prepare.frame import check_frame
+    from sixflow.prepare.image import check_frame
 
     values = np.arange(12.0).reshape(3, 4)
     frame = check_frame(np.ma.masked_greater(values, 8), "frame0")

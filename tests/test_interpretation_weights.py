@@ -9,7 +9,7 @@ import sixflow
 from interpreted import ERROR, SHAPE, SIGMA, make_field
 from sixflow import synth
 from sixflow.engine.spline import gradient_noise
-from sixflow.engine.warp import DERIVATIVE
+from sixflow.engine.sweep import DERIVATIVE
 from sixflow.interpretation import fit_region
 from sixflow.interpretation.correlation import noise_share, unknowns_from_six
 from sixflow.interpretation.points import select_points

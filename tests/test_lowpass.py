@@ -9,8 +9,9 @@ import naive
 from sixflow import InputError, Settings, measure, measure_sequence
 from sixflow.engine.lowpass import lowpass_half, lowpass_noise, lowpass_power, lowpass_reach, smoothed
 from sixflow.engine.spline import gradient_noise, noise_variance
-from sixflow.engine.warp import DERIVATIVE
+from sixflow.engine.sweep import DERIVATIVE
 from sixflow.prepare.frame import NO_MASK, Frame
+from sixflow.prepare.prepare import lowpassed
 from sixflow.synth import Affine, Particles, Sensor, Speckle, pair
 
 WIDTHS = (0.4, 0.7, 1.0, 2.5)
@@ -147,7 +148,7 @@ def test_pixels_without_a_value():
 def test_counted_pixels():
     valid = np.ones((20, 20), np.uint8)
     valid[9, 12] = 0
-    frame = Frame(np.zeros((20, 20)), valid).lowpassed(1.0)
+    frame = lowpassed(Frame(np.zeros((20, 20)), valid), 1.0)
     counted = frame.counted()
     reach = lowpass_reach(1.0)
     expected = np.zeros((20, 20), np.uint8)
@@ -156,8 +157,8 @@ def test_counted_pixels():
     np.testing.assert_array_equal(counted, expected)
     np.testing.assert_array_equal(frame.valid, valid)
     plain = Frame(np.zeros((20, 20)), NO_MASK)
-    assert plain.lowpassed(0.0) is plain
-    assert plain.lowpassed(1.0) is plain.lowpassed(1.0)
+    assert lowpassed(plain, 0.0) is plain
+    assert lowpassed(plain, 1.0) is lowpassed(plain, 1.0)
 
 
 @pytest.mark.parametrize("value", [-1, 0.1, 5, np.nan, "auto", True])

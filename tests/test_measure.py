@@ -7,7 +7,6 @@ import pytest
 
 import measured
 from sixflow import Settings, measure
-from sixflow.engine import threads
 from sixflow.field.dataset import SIX
 from sixflow.synth import Affine, Sensor, Speckle, pair
 
@@ -68,17 +67,6 @@ def test_repeated_runs_are_identical(made, field):
     assert_identical(measure(*frames), field)
     np.testing.assert_array_equal(frames[0], made.frame0)
     np.testing.assert_array_equal(frames[1], made.frame1)
-
-
-@pytest.mark.parametrize(
-    "options", [{}, {"lighting": "gain+offset", "sharpen": 1}, {"lighting": "local", "step": 3}]
-)
-def test_the_number_of_threads_does_not_matter(made, monkeypatch, options):
-    fields = []
-    for workers in (1, 2):
-        monkeypatch.setattr(threads, "worker_count", lambda workers=workers: workers)
-        fields.append(measure(made.frame0, made.frame1, **options))
-    assert_identical(*fields)
 
 
 @pytest.mark.parametrize(

@@ -15,16 +15,15 @@ import measured
 import naive
 from sixflow import InputError, Settings, measure, measure_sequence
 from sixflow.cli import main
-from sixflow.eigenfilters.passes import EigenfilterPasses, OperatorArray
-from sixflow.engine import threads
+from sixflow.eigenfilters.problem import EigenfilterProblem, OperatorArray
 from sixflow.engine.response import response as response_of
 from sixflow.engine.window import attenuation_period, sharpening_noise, window_sigma
 from sixflow.field.dataset import SIX
 from sixflow.maps.grid import Grid
 from sixflow.prepare.frame import NO_MASK, Frame
-from sixflow.refine.workspace import Workspace
 from sixflow.synth import Affine, Motion, Sensor, Speckle, pair, render, sequence
 from sixflow.write import open_field
+from solved import passes, plan_of
 
 WINDOW, STEP, NOISE, SEEDS = 31, 8, 2, range(3)
 EFFICIENCY = 1.15
@@ -122,10 +121,10 @@ def test_no_bias_without_noise():
 
 class TestPasses:
     @staticmethod
-    def passes(made):
+    def problem(made):
         frames = [Frame(frame - 128, NO_MASK) for frame in (made.frame0, made.frame1)]
         grid = Grid.over(made.frame0.shape, STEP)
-        return EigenfilterPasses(*frames, grid, Settings(method="eigenfilter"), Workspace()), grid
+        return EigenfilterProblem(*frames, grid, plan_of(made.frame0.shape, method="eigenfilter")), grid
 
     @staticmethod
     def truth(made, grid):
@@ -137,7 +136,7 @@ class TestPasses:
     def test_the_fixed_point_does_not_depend_on_the_start(self, noise):
         made = measured.ideal("speckle", 1, 128)
         made = pair(made.pattern, made.motion, (128, 128), sensor=Sensor(noise=noise))
-        passes, grid = self.passes(made)
+        problem, grid = self.problem(made)
         rng = np.random.default_rng(1)
         ends = []
         for _ in range(2):
@@ -146,18 +145,16 @@ class TestPasses:
                 [[[1]]] * 2 + [[[0.03]]] * 4
             )
             maps[2:] += rng.normal(0, 0.01, maps[2:].shape)
-            for _ in range(12):
-                maps = passes.solve(maps)
-            ends.append(maps)
+            ends.append(passes(problem, maps, 12))
         np.testing.assert_allclose(ends[0], ends[1], atol=1e-8)
 
     def test_truth_is_the_fixed_point_without_noise(self):
         made = measured.ideal("speckle", 1, 160)
-        passes, grid = self.passes(made)
+        problem, grid = self.problem(made)
         truth = self.truth(made, grid)
         deep = np.minimum.outer(np.minimum(grid.y, 159 - grid.y), np.minimum(grid.x, 159 - grid.x)) >= 48
         for total in (True, False):
-            step = passes.solve(truth, total=total) - truth
+            step = passes(problem, truth, 1, total=total) - truth
             assert np.abs(step[:2][:, deep]).max() < 1e-4
             assert np.abs(step[2:][:, deep]).max() < 1e-5
 
@@ -459,15 +456,6 @@ def test_repeated_runs_are_identical(made, field):
     assert_identical(eigenfilter(*frames), field)
     np.testing.assert_array_equal(frames[0], made.frame0)
     np.testing.assert_array_equal(frames[1], made.frame1)
-
-
-@pytest.mark.parametrize("options", [{}, {"lighting": "gain+offset", "sharpen": 1}])
-def test_the_number_of_threads_does_not_matter(made, monkeypatch, options):
-    fields = []
-    for workers in (1, 2):
-        monkeypatch.setattr(threads, "worker_count", lambda workers=workers: workers)
-        fields.append(eigenfilter(made.frame0, made.frame1, **options))
-    assert_identical(*fields)
 
 
 def test_the_unit_of_grey_does_not_matter(made, field):

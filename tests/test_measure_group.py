@@ -10,7 +10,15 @@ import sixflow
 from measured import PATTERNS, complete, noisy, rms, six_of, standard_errors, windows
 from sixflow import InputError, Settings, synth
 from sixflow.convention import SIX
-from sixflow.maps.restriction import ABSENT, allowed, confined, joined, maps_of, projection, unknowns
+from sixflow.maps.restriction import (
+    ABSENT,
+    allowed,
+    confined,
+    maps_of,
+    projection,
+    unknowns,
+    with_shared_gradients,
+)
 
 SIDE, WINDOW, STEP, NOISE = 192, 31, 8, 2.0
 CENTRE = ((SIDE - 1) / 2, (SIDE - 1) / 2)
@@ -134,15 +142,15 @@ def test_maps_of_every_group_are_its_own():
     np.testing.assert_allclose(maps_of(unknowns(maps, 9.0), 9.0), maps, rtol=1e-14)
 
 
-def test_joined_maps_take_their_gradient_from_their_neighbours():
+def test_gradients_that_are_shared_with_the_neighbours():
     y, x = np.mgrid[:40:8, :48:8].astype(float)
     maps = np.zeros((6, 5, 6))
     maps[0], maps[1] = 1 + 0.1 * x - 0.2 * y, 0.3 * x
-    full = joined(maps, 8)
+    full = with_shared_gradients(maps, 8)
     for plane, value in zip(full[2:], (0.1, -0.2, 0.3, 0), strict=True):
         np.testing.assert_allclose(plane, value, atol=1e-12)
     maps[:, 2, 2] = np.nan
-    assert np.isfinite(joined(maps, 8)[2:, 0, 0]).all()
+    assert np.isfinite(with_shared_gradients(maps, 8)[2:, 0, 0]).all()
 
 
 def test_bad_input():

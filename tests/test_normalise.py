@@ -5,7 +5,9 @@ import pytest
 
 import naive
 from sixflow.errors import InputError
-from sixflow.prepare.frame import NO_MASK, Frame, both_valid, check_frame, flatten_lighting, to_image
+from sixflow.prepare.frame import NO_MASK, Frame, both_valid
+from sixflow.prepare.image import Grey, check_frame, to_image
+from sixflow.prepare.light import flatten_lighting
 
 
 def checker(shape, seed=1):
@@ -32,10 +34,9 @@ def test_other_frames_do_not(frame):
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_image_is_the_frame_less_a_constant(dtype):
     frame = np.arange(12, dtype=np.uint8).reshape(3, 4)
-    image, valid, missing = to_image(frame, 5.5, dtype)
+    image, valid = to_image(frame, Grey(5.5, 1.0, dtype))
     assert image.dtype == dtype
     assert valid is NO_MASK
-    assert missing == 0
     np.testing.assert_array_equal(image, frame - 5.5)
 
 
@@ -44,8 +45,7 @@ def test_values_that_are_none_are_masked():
     bad = [(0, 0), (3, 4), (5, 6)]
     for at, value in zip(bad, (np.nan, np.inf, -np.inf), strict=True):
         frame[at] = value
-    image, valid, missing = to_image(frame, 0.5, np.float32)
-    assert missing == 3
+    image, valid = to_image(frame, Grey(0.5, 1.0, np.float32))
     assert np.isfinite(image).all()
     assert sorted(map(tuple, np.argwhere(valid == 0).tolist())) == bad
     np.testing.assert_allclose(image[valid == 1], frame[valid == 1] - 0.5, rtol=1e-6)
@@ -149,5 +149,5 @@ def test_a_flat_image_that_is_not_zero_has_no_contrast():
 @pytest.mark.parametrize("frame", [np.asfortranarray(checker((6, 8))), checker((8, 6)).T])
 def test_images_lie_in_rows(frame):
     """Kernels are compiled for images that lie row by row; for any other layout they would be compiled again."""
-    image, _, _ = to_image(frame, 0.0, np.float32)
+    image, _ = to_image(frame, Grey(0.0, 1.0, np.float32))
     assert image.flags.c_contiguous

@@ -6,18 +6,20 @@ import numpy as np
 import pytest
 
 import naive
-from sixflow import between, measure
+from sixflow import measure
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.convention.reference import SHARE
+from sixflow.engine.evidence import ERRORS, EVIDENCE, EXPLAINED, FOREIGN, GAP, LEFT_TO_STAND
+from sixflow.engine.scales import OF_CONTRAST, local_contrast
 from sixflow.engine.window import attenuation_period, window_sigma
-from sixflow.judge.contradiction import curvature, gradient_variances
-from sixflow.judge.edges import DISTANCES, ERRORS, EVIDENCE, EXPLAINED, FLOOR, FOREIGN, GAP, refuted
+from sixflow.judge.contradiction import gradient_variances
+from sixflow.judge.edges import DISTANCES, refuted
 from sixflow.maps.grid import Grid
+from sixflow.maps.neighbours import curvature
+from sixflow.pair import body
 from sixflow.prepare.frame import Frame
-from sixflow.refine.passes import OF_CONTRAST
-from sixflow.refine.quality import Quality
-from sixflow.settings import Settings
 from sixflow.synth import Affine, Sensor, Speckle, Star, pair, render
+from solved import plan_of, solution_of
 
 SHAPE, STEP, WINDOW, NOISE, EDGE = (80, 144), 8, 31, 2.0, 71.5
 GRID = Grid.over(SHAPE, STEP)
@@ -48,17 +50,18 @@ def halves(share=0.0, gain=1.0, offset=0.0, contrast=0.5, seed=3):
     return frames, maps
 
 
-def quality(light=None):
-    covariance = np.zeros((*GRID.shape, 6, 6))
-    covariance[..., range(6), range(6)] = [1e-4, 1e-4, *[1e-6] * 4]
-    ones = np.ones(GRID.shape)
-    return Quality(covariance, ones, ones, ones / 10, NOISE * ones, ones / 10, light=light)
+def covariance():
+    made = np.zeros((*GRID.shape, 6, 6))
+    made[..., range(6), range(6)] = [1e-4, 1e-4, *[1e-6] * 4]
+    return made
 
 
 def ask(frames, maps, *, flag=None, light=None, window=WINDOW, **settings):
     flag = np.zeros(GRID.shape, np.uint16) if flag is None else flag
-    windows = np.full(GRID.shape, float(window))
-    return refuted(*frames, GRID, maps, quality(light), flag, windows, Settings(**settings))
+    found = solution_of(
+        maps, window=window, covariance=covariance(), flag=flag, light=light, noise=np.full(GRID.shape, NOISE)
+    )
+    return refuted(*frames, GRID, found, plan_of(SHAPE, **settings))
 
 
 def fattened(maps, points):
@@ -72,9 +75,9 @@ def fattened(maps, points):
 def twin(frames, maps, light=None, reference="first"):
     """Every neighbour tried on all pixels, by direct sums."""
     images = [frame.image for frame in frames]
-    least = (OF_CONTRAST * images[0][::4, ::4].std()) ** 2
+    floors = (OF_CONTRAST * local_contrast(images[0], EVERYWHERE, GRID.y, GRID.x)) ** 2
     share, sigma, degree = SHARE[reference], window_sigma(WINDOW), 5
-    variances = gradient_variances(quality().covariance)
+    variances = gradient_variances(covariance())
     bend, found = curvature(maps, STEP, WINDOW), np.zeros(GRID.shape, bool)
     half = int(np.ceil(2.5 * sigma / 2))
     Y, X = np.mgrid[-half : half + 1, -half : half + 1].astype(float)
@@ -112,7 +115,7 @@ def twin(frames, maps, light=None, reference="first"):
                         h[0] ** 2 * variances[2 + 2 * c, y, x] + h[1] ** 2 * variances[3 + 2 * c, y, x]
                     )
                     apart = abs(told[c] - maps[c, j, i])
-                    differs |= apart > FLOOR + bend[j, i] + ERRORS * np.sqrt(variance)
+                    differs |= apart > LEFT_TO_STAND + bend[j, i] + ERRORS * np.sqrt(variance)
                 if not differs:
                     continue
                 mine = residual(maps[:, j, i], j, i) if mine is None else mine
@@ -131,7 +134,7 @@ def twin(frames, maps, light=None, reference="first"):
                         for r in (mine, other)
                     )
                     count = w.sum() ** 2 / (w**2).sum()
-                    ratio = count / 2 * (left - instead) / max(min(left, instead), least)
+                    ratio = count / 2 * (left - instead) / max(min(left, instead), floors[j, i])
                     explained = instead < power * (1 + EXPLAINED * np.sqrt(2 / count))
                     found[j, i] |= explained and ratio > EVIDENCE * np.sqrt(3 * count) / 2
     return found
@@ -208,7 +211,7 @@ def test_fewer_points_beside_an_edge_are_wrong(monkeypatch):
     wrong = []
     for asked in (False, True):
         if not asked:
-            monkeypatch.setattr(between, "refuted", lambda *a: np.zeros(a[2].shape, bool))
+            monkeypatch.setattr(body, "refuted", lambda *a: np.zeros(a[2].shape, bool))
         field = measure(*images)
         monkeypatch.undo()
         truth = np.where(field.x < EDGE, JUMP / 2, -JUMP / 2)
@@ -232,7 +235,7 @@ def test_a_motion_that_explains_nothing_refutes_nothing():
 
 def test_nobody_is_asked_where_no_pixel_is_foreign(monkeypatch):
     asked = []
-    monkeypatch.setattr(between, "refuted", lambda *a: asked.append(a) or np.zeros(a[2].shape, bool))
+    monkeypatch.setattr(body, "refuted", lambda *a: asked.append(a) or np.zeros(a[2].shape, bool))
     motion = Star(amplitude=1.0, periods=(120.0, 120.0), columns=(0, 127), row=63.5)
     made = pair(Speckle(), motion, (128, 128), sensor=Sensor(noise=NOISE))
     measure(made.frame0, made.frame1)

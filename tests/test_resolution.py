@@ -6,7 +6,8 @@ import pytest
 from sixflow import InputError, Settings, measure, synth
 from sixflow.convention.flags import FAILING
 from sixflow.engine.window import attenuation_period, window_sigma
-from sixflow.refine.resolution import LADDER, SHARPEN, difference_noise, ladder, search_settings
+from sixflow.plan import LADDER, SHARPEN, Plan, Window
+from sixflow.refine.resolution import difference_noise
 
 SIDE = 192
 
@@ -80,13 +81,17 @@ def test_noise_of_a_difference():
 
 def test_ladder_fits_the_frame():
     asked = Settings(window="auto", step=4)
-    assert [one.window for one in ladder(asked, (64, 200))] == [8, 11, 16, 22, 31]
-    assert {one.sharpen for one in ladder(asked, (64, 200))} == {SHARPEN}
-    assert {one.sharpen for one in ladder(asked.replace(sharpen=4), (64, 200))} == {4}
-    assert [one.window for one in ladder(asked, (10, 10))] == [8]
-    assert search_settings(asked, (512, 512)).window == 31
-    assert search_settings(asked, (20, 512)).window == 16
-    assert search_settings(Settings(window=25), (20, 512)).window == 25
+    assert [one.size for one in Plan.of(asked, (64, 200)).ladder] == [8, 11, 16, 22, 31]
+    assert {one.sharpen for one in Plan.of(asked, (64, 200)).ladder} == {SHARPEN}
+    assert {one.sharpen for one in Plan.of(asked.replace(sharpen=4), (64, 200)).ladder} == {4}
+    assert [one.size for one in Plan.of(asked, (10, 10)).ladder] == [8]
+    assert Plan.of(asked, (512, 512)).window == Window(31)
+    assert Plan.of(asked, (20, 512)).window == Window(16)
+    fixed = Plan.of(Settings(window=20, sharpen=1), (20, 512))
+    assert (fixed.window, fixed.ladder) == (Window(20, 1), ())
+    assert fixed.of_search.window == Window(20)
+    with pytest.raises(InputError, match="smaller than window=25"):
+        Plan.of(Settings(window=25), (20, 512))
 
 
 @pytest.mark.parametrize("options", [{"method": "eigenfilter"}, {"group": "similarity"}])

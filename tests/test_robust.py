@@ -5,13 +5,10 @@ import pytest
 
 import measured
 from sixflow import InputError, Settings, measure
+from sixflow.engine.scales import NEGLIGIBLE, NORMAL, OF_CONTRAST, REACH, TILE
 from sixflow.engine.weigh import (
     FULL,
-    NEGLIGIBLE,
     NONE,
-    NORMAL,
-    REACH,
-    TILE,
     apply_weights,
     by_chance,
     find_weights,
@@ -38,11 +35,11 @@ def images(shape=(70, 90), seed=0):
     return residual, gx, gy, right
 
 
-def naive_weight(residual, gx, gy, before, floor):
+def naive_weight(residual, gx, gy, still, before):
     """ω from the formulas, with SciPy's interpolation between the tiles."""
     height, width = residual.shape
     tiles = -(-height // TILE), -(-width // TILE)
-    scales = np.full((2, *tiles), np.nan)
+    scales, contrasts = np.full((2, *tiles), np.nan), np.full(tiles, np.nan)
     for j, i in np.ndindex(*tiles):
         box = np.s_[j * TILE : (j + 1) * TILE, i * TILE : (i + 1) * TILE]
         known = np.isfinite(residual[box]) & (before[box] >= NEGLIGIBLE)
@@ -57,10 +54,12 @@ def naive_weight(residual, gx, gy, before, floor):
         ratio = np.sort(r[steep] / np.sqrt(power[steep]))
         misfit = (NORMAL * ratio[len(ratio) // 2]) ** 2 - noise**2 * (1 / power[steep]).mean()
         scales[:, j, i] = noise, np.sqrt(max(misfit, 0))
+        contrasts[j, i] = still[box][known].std()
     usual = np.empty_like(scales)
     for j, i in np.ndindex(*tiles):
-        around = scales[:, max(0, j - REACH) : j + REACH + 1, max(0, i - REACH) : i + REACH + 1]
-        usual[:, j, i] = np.maximum(np.nanmedian(around, axis=(1, 2)), (floor, 0.02))
+        around = np.s_[max(0, j - REACH) : j + REACH + 1, max(0, i - REACH) : i + REACH + 1]
+        floor = OF_CONTRAST * np.nanmedian(contrasts[around])
+        usual[:, j, i] = np.maximum(np.nanmedian(scales[:, *around], axis=(1, 2)), (floor, 0.02))
     y = np.clip((np.arange(height) + 0.5) / TILE - 0.5, 0, tiles[0] - 1)
     x = np.clip((np.arange(width) + 0.5) / TILE - 0.5, 0, tiles[1] - 1)
     down = np.stack([np.interp(y, np.arange(tiles[0]), column) for column in usual[0].T], axis=1)
@@ -80,9 +79,10 @@ def test_weights_are_those_of_the_formulas():
     residual, gx, gy, right = images()
     raw, weight, power = np.ones((3, *residual.shape), np.float32)
     weight[18:26, 28:35] = 0  # these say nothing of what is usual
-    expected = naive_weight(residual, gx, gy, weight.copy(), 1e-3)
+    still = (60 * np.random.default_rng(5).normal(size=residual.shape)).astype(np.float32)
+    expected = naive_weight(residual, gx, gy, still, weight.copy())
     before = [part.copy() for part in (residual, gx, gy, right)]
-    find_weights(residual, gx, gy, raw, weight, 1e-3)
+    find_weights(residual, gx, gy, still, raw, weight)
     apply_weights(weight, gx, gy, right, residual, power)
     np.testing.assert_allclose(weight, expected, atol=2e-4)
     np.testing.assert_allclose(power, before[1] ** 2 + before[2] ** 2, rtol=1e-5)
@@ -100,7 +100,7 @@ def test_gaussian_noise_keeps_its_weight():
     rng = np.random.default_rng(1)
     residual, gx, gy, right = rng.normal(size=(4, 256, 256)).astype(np.float32)
     raw, weight = np.ones((2, 256, 256), np.float32)
-    find_weights(residual, gx, gy, raw, weight, 1e-3)
+    find_weights(residual, gx, gy, gx, raw, weight)
     apply_weights(weight, gx, gy, right, residual, raw)
     assert 1 - weight.mean() < 0.005
 
@@ -119,7 +119,7 @@ def test_scales_come_down_to_the_pixels_that_belong():
     raw, weight = np.ones((2, 256, 256), np.float32)
     shares = []
     for _ in range(10):
-        find_weights(residual, gx, gy, raw, weight, 1e-3)
+        find_weights(residual, gx, gy, gx, raw, weight)
         shares.append((weight[blobs] < NEGLIGIBLE).mean())
     assert 0.4 < blobs.mean() < 0.5
     assert shares[0] < 0.8
@@ -154,7 +154,7 @@ def test_an_unresolved_motion_is_not_foreign():
     wave = 0.5 * np.sin(np.arange(256) / 20).astype(np.float32)
     residual = (wave * gx + rng.normal(size=(256, 256))).astype(np.float32)
     raw, weight = np.ones((2, 256, 256), np.float32)
-    find_weights(residual, gx, gy, raw, weight, 1e-3)
+    find_weights(residual, gx, gy, gx, raw, weight)
     apply_weights(weight, gx, gy, np.zeros_like(gx), residual, raw)
     assert 1 - weight.mean() < 0.01
 

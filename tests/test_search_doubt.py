@@ -1,25 +1,22 @@
 """Doubt: points that rest on few pixels are tried again from what the others predict."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
 import measured
 from sixflow import measure
 from sixflow.convention.flags import FLAGS
-from sixflow.judge.flags import MINIMUM_WEIGHT
 from sixflow.maps.grid import Grid
 from sixflow.prepare.frame import NO_MASK, Frame
-from sixflow.refine.quality import Quality
+from sixflow.refine.problem import MINIMUM_WEIGHT
 from sixflow.search import stage
 from sixflow.search.doubt import MOST, reconsidered
-from sixflow.search.growth import Judged, Scene
+from sixflow.search.growth import Scene
 from sixflow.synth import Affine, Particles, Sensor, pair
+from solved import plan_of, solution_of
 
 SHAPE = (10, 12)
 ONES = np.ones(SHAPE)
-FOUND = Quality(np.zeros((*SHAPE, 6, 6)), ONES, ONES, ONES, ONES, ONES, foreign=0 * ONES)
 CORNER = np.zeros(SHAPE, bool)
 CORNER[:3, :3] = True
 
@@ -28,13 +25,10 @@ def judged(wrong=False, *, weight=None, foreign=True, failed=False):
     """A field that moves by 4 px, but for where it is wrong."""
     maps = np.zeros((6, *SHAPE))
     maps[0] = np.where(wrong, 0.0, 4.0)
-    quality = dataclasses.replace(
-        FOUND,
-        weight=ONES if weight is None else weight,
-        foreign=FOUND.foreign if foreign else None,
-    )
     flag = np.where(np.broadcast_to(failed, SHAPE), FLAGS["outlier"], 0).astype(np.uint16)
-    return Judged(maps, quality, flag)
+    return solution_of(
+        maps, flag=flag, weight=ONES if weight is None else weight, foreign=0 * ONES if foreign else None
+    )
 
 
 def scene(*answers):
@@ -46,7 +40,7 @@ def scene(*answers):
         return left.pop(0)
 
     image = Frame(np.zeros((80, 96)), NO_MASK)
-    return Scene(image, image, Grid.over((80, 96), 8), 31.0, judge), starts
+    return Scene(image, image, Grid.over((80, 96), 8), plan_of((80, 96)), judge), starts
 
 
 THIN = 0.9 * MINIMUM_WEIGHT

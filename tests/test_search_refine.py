@@ -9,13 +9,13 @@ from sixflow import measure
 from sixflow.engine.response import response as response_of
 from sixflow.maps.grid import Grid
 from sixflow.prepare.frame import NO_MASK, Frame
-from sixflow.refine.iterate import refine
-from sixflow.refine.passes import Passes
+from sixflow.refine.iterate import refine, with_pixel_weights
+from sixflow.refine.least_squares import LeastSquares
+from sixflow.refine.problem import State
 from sixflow.refine.sharpen import UniformWindow
-from sixflow.refine.workspace import Workspace
 from sixflow.search.pyramid import finer, level_count, pyramid
-from sixflow.settings import Settings
 from sixflow.synth import Affine, Sensor, Speckle, pair
+from solved import passes, plan_of
 
 
 def frames_of(made, dtype=np.float64):
@@ -40,7 +40,7 @@ def true_maps(made, grid):
     ],
 )
 def test_level_count(shape, window, levels, expected):
-    assert level_count(shape, Settings(window=window, levels=levels)) == expected
+    assert level_count(shape, plan_of(shape, window=window, levels=levels)) == expected
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (61, 90), (33, 200)])
@@ -84,9 +84,9 @@ def test_large_motion_is_found(six):
 
 def test_the_start_is_within_reach():
     made = pair(Speckle(seed=2), Affine.rotation(0.08, (127, 127)), (256, 256))
-    grid, settings = Grid.over((256, 256), 8), Settings()
+    grid = Grid.over((256, 256), 8)
     reference, moved = frames_of(made)
-    start = pyramid(reference, moved, grid, settings, Workspace())
+    start = pyramid(reference, moved, grid, plan_of((256, 256)))
     assert start.shape == (6, *grid.shape)
     assert np.isfinite(start).all()
     error = np.hypot(*(start - true_maps(made, grid))[:2])
@@ -96,7 +96,7 @@ def test_the_start_is_within_reach():
 def test_search_of_nothing_is_no_motion():
     flat = Frame(np.zeros((128, 128), np.float32), NO_MASK)
     grid = Grid.over((128, 128), 8)
-    np.testing.assert_array_equal(pyramid(flat, flat, grid, Settings(), Workspace()), 0)
+    np.testing.assert_array_equal(pyramid(flat, flat, grid, plan_of((128, 128))), 0)
 
 
 @pytest.mark.parametrize("levels", [0, 1, 4, 8, 12])
@@ -111,15 +111,15 @@ def test_the_number_of_levels_changes_nothing_for_small_motion(levels):
 
 class TestPasses:
     @staticmethod
-    def passes(made, **options):
+    def problem(made, **options):
         grid = Grid.over(made.frame0.shape, 8)
-        return Passes(*frames_of(made), grid, Settings(**options), Workspace()), grid
+        return LeastSquares(*frames_of(made), grid, plan_of(made.frame0.shape, **options)), grid
 
     @pytest.mark.parametrize("noise", [0, 3])
     def test_the_fixed_point_does_not_depend_on_the_start(self, noise):
         made = measured.ideal("speckle", 1, 128)
         made = pair(made.pattern, made.motion, (128, 128), sensor=Sensor(noise=noise))
-        passes, grid = self.passes(made)
+        problem, grid = self.problem(made)
         rng = np.random.default_rng(1)
         ends = []
         for _ in range(2):
@@ -129,62 +129,73 @@ class TestPasses:
                 + rng.normal(0, 0.2, (6, 1, 1)) * np.array([1, 1, 0.03, 0.03, 0.03, 0.03])[:, None, None]
             )
             maps[2:] += rng.normal(0, 0.01, maps[2:].shape)
-            for _ in range(25):
-                maps = passes.solve(maps)
-            ends.append(maps)
+            ends.append(passes(problem, maps, 25))
         np.testing.assert_allclose(ends[0][:2], ends[1][:2], atol=1e-7)
         np.testing.assert_allclose(ends[0][2:], ends[1][2:], atol=1e-8)
 
     def test_truth_is_the_fixed_point_without_noise(self):
         made = measured.ideal("speckle", 1, 160)
-        passes, grid = self.passes(made)
+        problem, grid = self.problem(made)
         truth = true_maps(made, grid)
-        step = passes.solve(truth) - truth
+        step = passes(problem, truth, 1) - truth
         deep = np.minimum.outer(np.minimum(grid.y, 159 - grid.y), np.minimum(grid.x, 159 - grid.x)) >= 48
         assert np.abs(step[:2][:, deep]).max() < 1e-4
         assert np.abs(step[2:][:, deep]).max() < 1e-5
 
     def test_an_increment_pass_at_the_truth_changes_nothing(self):
         made = measured.ideal("speckle", 1, 160)
-        passes, grid = self.passes(made)
+        problem, grid = self.problem(made)
         truth = true_maps(made, grid)
-        step = passes.solve(truth, total=False) - truth
+        step = passes(problem, truth, 1, total=False) - truth
         deep = np.minimum.outer(np.minimum(grid.y, 159 - grid.y), np.minimum(grid.x, 159 - grid.x)) >= 48
         assert np.abs(step[:2][:, deep]).max() < 1e-4
 
     def test_refine_ends_at_the_fixed_point(self):
         made = measured.ideal("texture", 1, 128)
         made = pair(made.pattern, made.motion, (128, 128), sensor=Sensor(noise=2))
-        passes, grid = self.passes(made, tolerance=1e-3, passes=20)
-        maps, quality, left = refine(passes, np.zeros((6, *grid.shape)))
-        exact = maps.copy()
-        for _ in range(20):
-            exact = passes.solve(exact)
-        distance = np.hypot(*(maps - exact)[:2])
+        problem, grid = self.problem(made, tolerance=1e-3, passes=20)
+        found = refine(problem, np.zeros((6, *grid.shape)))
+        exact = passes(problem, found.maps, 20)
+        distance = np.hypot(*(found.maps - exact)[:2])
         assert np.quantile(distance, 0.95) < 1e-3
-        assert np.median(left) < 1e-3
-        assert np.isfinite(quality.covariance).all()
+        assert np.median(found.left) < 1e-3
+        assert np.isfinite(found.covariance).all()
 
     def test_more_passes_do_not_raise_the_noise(self):
         made = pair(
             Speckle(seed=1), measured.affine(measured.SMALL, (192, 192)), (192, 192), sensor=Sensor(noise=4)
         )
-        passes, grid = self.passes(made)
+        problem, grid = self.problem(made)
         truth = true_maps(made, grid)
         maps, spreads = truth, []
-        for k in range(24):
-            maps = passes.solve(maps)
-            if k in (3, 23):
-                spreads.append(np.sqrt(((maps - truth) ** 2)[:, 3:-3, 3:-3].mean(axis=(1, 2))))
+        for count in (4, 20):
+            maps = passes(problem, maps, count)
+            spreads.append(np.sqrt(((maps - truth) ** 2)[:, 3:-3, 3:-3].mean(axis=(1, 2))))
         np.testing.assert_allclose(spreads[1], spreads[0], rtol=0.02)
 
 
-def test_a_workspace_is_used_again():
-    workspace = Workspace()
-    first = workspace.array("a", (4, 5), np.float32)
-    assert workspace.array("a", (2, 5), np.float32).base is first.base
-    assert workspace.array("a", (2, 5), np.float64).dtype == np.float64
-    assert workspace.nbytes == 80
+def test_a_pass_is_a_function_of_what_it_is_given():
+    """Asked twice, and after other questions, it gives the same to the last bit, and changes nothing."""
+    frames = measured.noisy(measured.ideal("speckle", 0, 128), 2)
+    frames[1][40:44, 50:54] += 90
+    frames = [Frame(frame.astype(np.float32) - 128, NO_MASK) for frame in frames]
+    grid = Grid.over((128, 128), 8)
+    for lighting in ("none", "gain+offset"):
+        problem = LeastSquares(*frames, grid, plan_of((128, 128), lighting=lighting))
+        start, state = np.zeros((6, *grid.shape)), State()
+        first = problem.step(start, state, last=True)
+        solution = problem.solution(first, first.maps, first.left)
+        other = problem.step(first.maps, with_pixel_weights(problem.plan, first) or first.state, last=True)
+        problem.solution(other, other.maps, other.left)
+        again = problem.step(start, state, last=True)
+        np.testing.assert_array_equal(first.maps, again.maps)
+        for made in (
+            problem.solution(first, first.maps, first.left),
+            problem.solution(again, again.maps, again.left),
+        ):
+            np.testing.assert_array_equal(made.covariance, solution.covariance)
+            np.testing.assert_array_equal(made.statistics.noise, solution.statistics.noise)
+        assert not start.any()
 
 
 def lattice_fit(u, counted, sigma, x, y):

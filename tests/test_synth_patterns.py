@@ -86,11 +86,11 @@ def test_a_pattern_does_not_depend_on_how_it_is_asked(pattern):
 
 
 def test_many_threads_and_parts_change_nothing(monkeypatch):
-    from sixflow.synth.patterns import field, threads
+    from sixflow.synth.patterns import field
 
     pattern = Speckle(seed=9)
     whole = render(pattern, (200, 220))
-    monkeypatch.setattr(threads, "_CHUNK", 1000)
+    monkeypatch.setattr(field, "CHUNK", 1000)
     monkeypatch.setattr(field, "_MOST_BLOBS", 500)
     np.testing.assert_array_equal(render(pattern, (200, 220)), whole)
 

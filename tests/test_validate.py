@@ -5,20 +5,11 @@ import pytest
 
 import naive
 from sixflow.convention.flags import FAILING, FLAGS
-from sixflow.judge.flags import (
-    LIMIT,
-    _collapses,
-    _islands,
-    fill_failed,
-    flag_points,
-    isolated,
-    median_outliers,
-    settle,
-)
+from sixflow.judge.flags import _collapses, _islands, isolated, judged
 from sixflow.maps.grid import Grid
+from sixflow.maps.neighbours import LIMIT, fill_failed, median_outliers, settle
 from sixflow.prepare.frame import NO_MASK, Frame
-from sixflow.refine.quality import Quality
-from sixflow.settings import Settings
+from solved import plan_of, solution_of
 
 STEP, WINDOW = 8, 31  # neighbours are asked 2 points away
 GRID = Grid(3, 3, STEP, 12, 10)
@@ -123,22 +114,10 @@ def test_settle_replaces_outliers():
     np.testing.assert_allclose(settled[:2], AFFINE[:2], atol=1e-12)
 
 
-def quality(**changes):
-    parts = {
-        "covariance": np.broadcast_to(1e-4 * np.eye(6), (*GRID.shape, 6, 6)).copy(),
-        "texture": np.full(GRID.shape, 50.0),
-        "weight": np.ones(GRID.shape),
-        "residual": np.full(GRID.shape, 0.1),
-        "noise": np.ones(GRID.shape),
-    }
-    return Quality(**({"rho": np.zeros(parts["noise"].shape)} | parts | changes))
-
-
-def judge(maps=None, judged=None, left=None, valid=NO_MASK):
+def judge(maps=None, valid=NO_MASK, **changes):
     frame = Frame(np.zeros((80, 96)), valid)
     maps = GRID.plane(np.zeros(6)) if maps is None else maps
-    left = np.zeros(GRID.shape) if left is None else left
-    return flag_points(maps, judged or quality(), left, GRID, frame, Settings())
+    return judged(solution_of(maps, **changes), GRID, frame, plan_of((80, 96))).flag
 
 
 def one_point(value, ordinary):
@@ -161,14 +140,14 @@ def one_point(value, ordinary):
 def test_flags(changes, flags):
     expected = np.zeros(GRID.shape, np.uint16)
     expected[4, 5] = sum(FLAGS[name] for name in flags)
-    np.testing.assert_array_equal(judge(judged=quality(**changes)), expected)
+    np.testing.assert_array_equal(judge(**changes), expected)
 
 
 def test_large_or_unknown_errors_are_low_texture():
     for value in (1.0, np.nan):
-        judged = quality()
-        judged.covariance[4, 5] *= value * 1e5 if value == 1.0 else np.nan
-        assert judge(judged=judged)[4, 5] == FLAGS["low_texture"]
+        covariance = np.broadcast_to(1e-4 * np.eye(6), (*GRID.shape, 6, 6)).copy()
+        covariance[4, 5] *= value * 1e5 if value == 1.0 else np.nan
+        assert judge(covariance=covariance)[4, 5] == FLAGS["low_texture"]
 
 
 def test_singular_points_are_low_texture():
@@ -201,7 +180,7 @@ def test_outliers_are_flagged():
 def test_points_alone_among_failed_ones_are_outliers():
     texture = np.zeros(GRID.shape)
     texture[4, 5] = 50
-    assert judge(judged=quality(texture=texture))[4, 5] & FLAGS["outlier"]
+    assert judge(texture=texture)[4, 5] & FLAGS["outlier"]
 
 
 def test_masked_hides_everything_else():
@@ -209,7 +188,7 @@ def test_masked_hides_everything_else():
     valid[:40] = 0
     maps = GRID.plane(np.zeros(6))
     maps[:, 0, 0] = np.nan
-    flag = judge(maps, quality(texture=np.zeros(GRID.shape)), valid=valid)
+    flag = judge(maps, valid, texture=np.zeros(GRID.shape))
     masked = np.broadcast_to((GRID.y < 40)[:, None], GRID.shape)
     np.testing.assert_array_equal(flag[masked], FLAGS["masked"])
     assert not (flag[~masked] & FLAGS["masked"]).any()

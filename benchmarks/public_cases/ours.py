@@ -29,7 +29,7 @@ from public_cases.measured import STEP, Measured
 from sixflow.convention import SIX
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
-from sixflow.refine.resolution import SHARPEN
+from sixflow.plan import SHARPEN
 
 BY_EXPERIMENT: dict[str, dict[str, Any]] = {
     "PIV": {"window": "auto"},

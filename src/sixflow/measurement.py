@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from typing import Any, Unpack
 
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from sixflow.engine.threads import each_in, limited
 from sixflow.errors import InputError
 from sixflow.field import accessor as _accessor  # noqa: F401 - registers Dataset.sixflow
 from sixflow.field.provenance import join_attrs, said_of_pairs
@@ -28,7 +29,7 @@ from sixflow.pair.session import Session
 from sixflow.recording.consecutive import consecutive
 from sixflow.recording.schedule import Recording, Schedule
 from sixflow.recording.sequence import Update, check_update, follow
-from sixflow.search.guess import without_guess
+from sixflow.search.guess import Guess, without_guess
 from sixflow.settings import Settings, SettingsOptions, require_names, require_settings
 
 
@@ -37,6 +38,7 @@ def measure(
     frame1: ArrayLike,
     *,
     mask: MaskLike | None = None,
+    threads: int | None = None,
     settings: Settings | None = None,
     **options: Unpack[SettingsOptions],
 ) -> xr.Dataset:
@@ -54,6 +56,9 @@ def measure(
         With one mask for each frame a pixel counts only where both allow it, at x and at x + u. The path of a file of a
         mask is read with `read_mask`; use that itself for numbers of bodies. Rectangles and polygons are settings:
         `roi`, `polygons`, `holes`.
+    threads : int, optional
+        How many threads may compute, at least 1: this one and others. If not given: the environment variable
+        `SIXFLOW_THREADS`, or one for each processor. The result is the same, to the last bit.
     settings : Settings, optional
         How to measure; the defaults if not given.
     **options
@@ -71,7 +76,7 @@ def measure(
     ------
     InputError
         If a frame, the mask or a setting cannot be used: not two-dimensional real frames of one shape,
-        smaller than the window, without contrast; a mask of another shape or without True.
+        smaller than the window, without contrast; a mask of another shape or without True; a number of threads below 1.
 
     Notes
     -----
@@ -94,6 +99,12 @@ def measure(
     masks = Masks(mask)
     masks.require(2)
     chosen, guess = without_guess(require_settings(settings), options)
+    return limited(threads).run(_measure_pair, frame0, frame1, masks, chosen, guess)
+
+
+def _measure_pair(
+    frame0: Any, frame1: Any, masks: Masks, chosen: Settings, guess: Guess | None
+) -> xr.Dataset:
     files = _files(frame0, frame1, chosen)
     chosen = chosen if files is None else files.settings
     floor = Floor() if files is None else Floor.of(files.source)
@@ -117,6 +128,7 @@ def measure_sequence(
     mask: MaskLike | None = None,
     times: Times | None = None,
     strict: bool = False,
+    threads: int | None = None,
     settings: Settings | None = None,
     progress: Callable[[int], None] | None = None,
     **options: Unpack[SettingsOptions],
@@ -149,7 +161,7 @@ def measure_sequence(
         Raise at the first frame that cannot be used. Otherwise the pairs of such a frame (constant, without a value, of
         another shape, not to be decoded) are NaN and flagged `bad_frame`, and a pair of two equal frames `repeated`;
         notes tell which and why, and the recording goes on.
-    settings, **options
+    threads, settings, **options
         As for `measure`. `pixel_size`, `length_unit` and `frame_interval` are those of the recording's metadata where
         they are not given.
     progress : callable, optional
@@ -180,21 +192,20 @@ def measure_sequence(
     """
     require_names(options)  # what only iterate_sequence knows is no option here
     fields = []
-    measured = iterate_sequence(
+    measured = _measured(
         frames,
-        pairs=pairs,
-        lag=lag,
-        update=update,
+        Schedule(pairs, lag),
+        update,
         mask=mask,
         times=times,
-        strict=strict,
         settings=settings,
-        **options,
+        strict=strict,
+        options=options,
     )
-    left_over: tuple[str, ...] = ()
+    context, left_over = limited(threads), ()
     while True:
         try:
-            fields.append(next(measured))
+            fields.append(context.run(next, measured))
         except StopIteration as end:
             left_over = end.value
             break
@@ -214,12 +225,13 @@ def iterate_sequence(
     mask: MaskLike | None = None,
     times: Times | None = None,
     strict: bool = False,
+    threads: int | None = None,
     settings: Settings | None = None,
     skip: int = 0,
     done: xr.Dataset | None = None,
     seen: FrameDigests | None = None,
     **options: Unpack[SettingsOptions],
-) -> Generator[xr.Dataset, None, tuple[str, ...]]:
+) -> Iterator[xr.Dataset]:
     """Yield the field of each pair of a recording as soon as it is measured; arguments as for
     `measure_sequence`.
 
@@ -237,9 +249,39 @@ def iterate_sequence(
     Yields
     ------
     xarray.Dataset
-        With one time. The generator returns notes that were not yet known when the last field was yielded.
+        With one time.
     """
-    schedule = Schedule(pairs, lag)
+    measured = _measured(
+        frames,
+        Schedule(pairs, lag),
+        update,
+        mask=mask,
+        times=times,
+        settings=settings,
+        strict=strict,
+        skip=skip,
+        done=done,
+        seen=seen,
+        options=options,
+    )
+    yield from each_in(limited(threads), measured)
+
+
+def _measured(
+    frames: Any,
+    schedule: Schedule,
+    update: Update,
+    *,
+    mask: MaskLike | None,
+    times: Times | None,
+    settings: Settings | None,
+    strict: bool,
+    options: SettingsOptions,
+    skip: int = 0,
+    done: xr.Dataset | None = None,
+    seen: FrameDigests | None = None,
+) -> Generator[xr.Dataset, None, tuple[str, ...]]:
+    """Yield the field of each pair; what remains to be said in the end is returned."""
     masks = Masks(mask)
     asked, guess = without_guess(require_settings(settings), options)
     renewal = check_update(update, schedule.pairs, asked.reference)

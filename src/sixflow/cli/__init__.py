@@ -1,4 +1,4 @@
-"""The command line: `sixflow measure`, `plot`, `info`, `demo`.
+"""The command line: `sixflow measure`, `plot`, `info`, `demo`, `warm-up` and more.
 
 One module per command. Heavy packages are imported when a command runs, so that `sixflow --help` is quick.
 """

@@ -15,6 +15,7 @@ from sixflow.cli.measure import measure
 from sixflow.cli.operators import operators
 from sixflow.cli.plot import plot
 from sixflow.cli.streams import flushed, usable_streams
+from sixflow.cli.warm_up import warm_up
 
 USAGE = {
     "measure": "sixflow measure FRAMES... -o FIELD [OPTIONS]",
@@ -23,6 +24,7 @@ USAGE = {
     "interpret": "sixflow interpret FIELD --focal PX [OPTIONS]",
     "demo": "sixflow demo [OPTIONS]",
     "operators": "sixflow operators [OPTIONS]",
+    "warm-up": "sixflow warm-up [OPTIONS]",
 }
 
 EXAMPLES = {
@@ -59,6 +61,10 @@ EXAMPLES = {
   sixflow demo
   sixflow demo --output vortex --overwrite
 """,
+    "warm-up": """
+  sixflow warm-up
+  sixflow warm-up --all
+""",
     "operators": """
   sixflow operators
   sixflow operators --output gallery --format pdf
@@ -80,10 +86,20 @@ def build_app() -> App:
         version=_version,
         suppress_keyboard_interrupt=False,
     )
-    commands: tuple[Callable[..., int | None], ...] = (measure, plot, info, interpret, demo, operators)
+    commands: tuple[Callable[..., int | None], ...] = (
+        measure,
+        plot,
+        info,
+        interpret,
+        demo,
+        operators,
+        warm_up,
+    )
     for place, command in enumerate(commands):
-        name = command.__name__
-        app.command(command, help_epilogue=_epilogue(name), usage=f"Usage: {USAGE[name]}", sort_key=place)
+        name = command.__name__.replace("_", "-")
+        app.command(
+            command, name=name, help_epilogue=_epilogue(name), usage=f"Usage: {USAGE[name]}", sort_key=place
+        )
     return app
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from cyclopts import Parameter
 
 from sixflow.cli.errors import BAD_FRAMES, say
-from sixflow.cli.flags import Output, Switch, Whole, read_update
+from sixflow.cli.flags import Output, Switch, Whole, number_reader, read_update
 from sixflow.cli.progress import announce_compilation, progress
 from sixflow.cli.selection_flags import SelectionFlags
 from sixflow.cli.settings_flags import SettingsFlags, gather_settings
@@ -48,6 +48,7 @@ def measure(
     lag: Whole = 1,
     update: UpdateFlag = None,
     strict: Switch = False,
+    threads: Annotated[int | None, Parameter(converter=number_reader(int), show_default=False)] = None,
     overwrite: Switch = False,
     resume: Switch = False,
     plot: Path | None = None,
@@ -81,6 +82,8 @@ def measure(
         With --pairs first: compare with a new frame every so many frames, or when correlation is 'lost'.
     strict
         Stop at the first frame that cannot be used, instead of flagging its pairs and going on.
+    threads
+        How many threads may compute; without it the environment variable SIXFLOW_THREADS, or one per processor.
     overwrite
         Replace the output, and the picture of --plot, if they exist.
     resume
@@ -110,6 +113,7 @@ def measure(
         Schedule(pairs, lag),
         update,
         strict,
+        threads,
         None if mask is None else _open_mask(mask, bodies, source),
     )
     tally, seconds = _measure_into(output, job, overwrite=overwrite, resume=resume, quiet=quiet)
@@ -131,6 +135,7 @@ class Job:
     schedule: Schedule
     update: Update
     strict: bool
+    threads: int | None
     mask: MaskFile | None
 
     @property
@@ -147,6 +152,7 @@ class Job:
             "update": self.update,
             "mask": self.mask,
             "settings": self.settings,
+            "threads": self.threads,
             "strict": self.strict or self.pair_count == 1,  # a pair is measured or refused
         }
 

@@ -16,8 +16,10 @@ def is_shown(quiet: bool) -> bool:
 
 
 @contextlib.contextmanager
-def progress(total: int, done: int = 0, *, quiet: bool = False) -> Iterator[Callable[[], None]]:
-    """Show a bar over pairs of frames, and give the function that advances it by one.
+def progress(
+    total: int, done: int = 0, *, title: str = "measuring", unit: str = "pairs", quiet: bool = False
+) -> Iterator[Callable[[], None]]:
+    """Show a bar over pairs of frames, or other things, and give the function that advances it by one.
 
     Parameters
     ----------
@@ -25,6 +27,8 @@ def progress(total: int, done: int = 0, *, quiet: bool = False) -> Iterator[Call
         Number of pairs.
     done : int
         Pairs that were complete before.
+    title, unit : str
+        What is being done, and to what.
     quiet : bool
         Show nothing. Nor is anything shown where stderr is no terminal.
     """
@@ -37,16 +41,16 @@ def progress(total: int, done: int = 0, *, quiet: bool = False) -> Iterator[Call
     from rich.text import Text
 
     class Rate(ProgressColumn):
-        """Pairs per second."""
+        """Things per second."""
 
         def render(self, task: Any) -> Text:
-            return Text(f"{task.speed:.3g} pairs/s" if task.speed else "", style="progress.data.speed")
+            return Text(f"{task.speed:.3g} {unit}/s" if task.speed else "", style="progress.data.speed")
 
     columns = (
-        TextColumn("measuring"),
+        TextColumn(title),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("pairs"),
+        TextColumn(unit),
         Rate(),
         TimeLeft(),
         TextColumn("left"),
@@ -70,4 +74,4 @@ def announce_compilation(dtype: str, *, quiet: bool = False) -> None:
     from sixflow.engine.compiler import needs_compiling
 
     if is_shown(quiet) and needs_compiling(dtype):
-        say("compiling kernels (first run only, about 15 s) …")
+        say("compiling kernels (first run only, about 15 s; `sixflow warm-up` does it beforehand) …")

@@ -27,7 +27,7 @@ from sixflow.eigenfilters.coordinates import CanonicalCoordinates, canonical
 from sixflow.eigenfilters.generators import L_B, GeneratorLike, L_b, L_r, L_s, as_generator
 from sixflow.engine.spline import PAD, spline_coefficients
 from sixflow.errors import InputError
-from sixflow.prepare.frame import check_frame
+from sixflow.prepare.image import check_frame
 
 _DEGREE = 5
 _MARGIN = 24  # px around the samples: what lies beyond changes the spline by less than 1e-8

@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from sixflow.errors import InputError
-from sixflow.prepare.frame import check_frame
+from sixflow.prepare.image import check_frame
 
 BLOCK_BYTES = 32 * 2**20
 """Bytes of the patches of one frame in a block."""

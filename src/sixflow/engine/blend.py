@@ -15,12 +15,12 @@ points it goes on along straight lines. `hermite` is the same interpolant for an
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.compiler import kernel
+from sixflow.engine.compiler import inner, kernel
 
 
 def twist_of(maps: NDArray[Any], step: float) -> NDArray[Any]:
@@ -55,7 +55,7 @@ def _slopes(planes: NDArray[Any], axis: int) -> NDArray[Any]:
     return np.moveaxis(slopes, -1, axis)
 
 
-@kernel
+@inner
 def hermite(t: float) -> tuple[float, float, float, float]:
     """Weights of (value, slope, next value, next slope) at t ∈ [0, 1]; slopes per unit of t."""
     return (1 + 2 * t) * (1 - t) * (1 - t), t * (1 - t) * (1 - t), t * t * (3 - 2 * t), t * t * (t - 1)
@@ -97,11 +97,18 @@ def blend_row(
             line[1, i] = step * (
                 a * slope_x[j, i] + b * twist[j, i] + c * slope_x[j + 1, i] + d * twist[j + 1, i]
             )
-    width = out.size
+    expand_row(line[0], line[1], x0, step, basis, out)
+
+
+@inner
+def expand_row(
+    value: NDArray[Any], slope: NDArray[Any], x0: int, step: int, basis: NDArray[Any], out: NDArray[Any]
+) -> None:
+    """Hermite interpolant along a row, from values and slopes (times the step) at the columns x0 + i·step."""
+    columns, width = value.size, out.size
     first, last = min(x0, width), min(x0 + (columns - 1) * step, width)
     for x in range(first):
-        out[x] = line[0, 0] + (x - x0) / step * line[1, 0]
-    value, slope = line[0], line[1]
+        out[x] = value[0] + (x - x0) / step * slope[0]
     w0, w1, w2, w3 = basis[0], basis[1], basis[2], basis[3]
     for i in range(columns - 1):
         low = x0 + i * step
@@ -111,7 +118,82 @@ def blend_row(
             target[t] = (w0[t] * a0 + w1[t] * b0) + (w2[t] * a1 + w3[t] * b1)
     end = columns - 1
     for x in range(last, width):
-        out[x] = line[0, end] + (x - x0 - end * step) / step * line[1, end]
+        out[x] = value[end] + (x - x0 - end * step) / step * slope[end]
+
+
+class Blender(NamedTuple):
+    """The two rows of a grid around a pixel row, expanded to all its pixels: work space of `blend_line`.
+
+    Attributes
+    ----------
+    held : int array, shape (2,)
+        The grid rows that are in `lines`, the even and the odd one; −1 for none.
+    lines : array, shape (2, 2, 2, width)
+        By even or odd, u or v, the displacement or its slope along y.
+    basis, slopes : arrays, shape (4, step), (columns,)
+    """
+
+    held: NDArray[np.int64]
+    lines: NDArray[Any]
+    basis: NDArray[Any]
+    slopes: NDArray[Any]
+
+
+@inner
+def blender(maps: NDArray[Any], step: int, width: int) -> Blender:
+    """Work space of `blend_line` for rows of so many pixels."""
+    basis = np.empty((4, step), maps.dtype)
+    hermite_basis(step, basis)
+    held = np.full(2, -1)
+    return Blender(held, np.empty((2, 2, 2, width), maps.dtype), basis, np.empty(maps.shape[2], maps.dtype))
+
+
+@inner
+def _hold(
+    maps: NDArray[Any], twist: NDArray[Any], grid: tuple[int, int, int], row: int, work: Blender
+) -> None:
+    """Expand a row of the grid, unless that has been done."""
+    x0, _, step = grid
+    place = row % 2
+    if work.held[place] == row:
+        return
+    work.held[place] = row
+    slopes = work.slopes
+    for c in range(2):
+        for part in range(2):
+            value = maps[c, row] if part == 0 else maps[3 + 2 * c, row]
+            slope = maps[2 + 2 * c, row] if part == 0 else twist[c, row]
+            for i in range(slopes.size):
+                slopes[i] = slope[i] * step
+            expand_row(value, slopes, x0, step, work.basis, work.lines[place, c, part])
+
+
+@inner
+def blend_line(
+    maps: NDArray[Any], twist: NDArray[Any], grid: tuple[int, int, int], y: int, component: int, work: Blender,
+    out: NDArray[Any],
+) -> None:  # fmt: skip
+    """Component 0 (u) or 1 (v) of the dense displacement along pixel row y.
+
+    The interpolant is `blend_row`'s, along x first: rows of the grid are expanded once for all pixel rows around them.
+    """
+    _, y0, step = grid
+    rows, kind = maps.shape[1], maps.dtype.type
+    j = (y - y0) // step
+    outside = y < y0 or rows == 1 or j >= rows - 1
+    if outside:
+        j = min(max(j, 0), rows - 1)
+    after = j if outside else j + 1
+    _hold(maps, twist, grid, j, work)
+    _hold(maps, twist, grid, after, work)
+    a, b, c, d = kind(1), kind(y - (y0 + j * step)), kind(0), kind(0)
+    if not outside:
+        w = hermite((y - y0 - j * step) / step)
+        a, b, c, d = kind(w[0]), kind(w[1] * step), kind(w[2]), kind(w[3] * step)
+    above, below = work.lines[j % 2, component], work.lines[after % 2, component]
+    f0, s0, f1, s1 = above[0], above[1], below[0], below[1]
+    for x in range(out.size):
+        out[x] = (a * f0[x] + b * s0[x]) + (c * f1[x] + d * s1[x])
 
 
 @kernel
@@ -181,7 +263,7 @@ def resample_strip(
                 out[k, j, i], out[2 + 2 * k, j, i], out[3 + 2 * k, j, i] = total, along, across
 
 
-@kernel
+@inner
 def _cell(
     offset: float, step: int, count: int
 ) -> tuple[int, tuple[float, float, float, float], tuple[float, float, float, float]]:

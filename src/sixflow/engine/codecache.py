@@ -11,6 +11,10 @@ are defined. Numba's own cache looks at the kernel's own file only. Here the nam
 so that code made from anything else is never found, not even by processes that run different versions at one time.
 Files of earlier versions are removed when there are more than a few. Whatever goes wrong with the files (a folder
 that cannot be written, a full disk, a damaged file) leads to a compilation in memory, never to an error.
+
+Code that is found is used without the rest of the compiler. Numba would first load all that it can compile, which
+takes longer than the first measurement. What the code really needs are the addresses of a few functions, whose names
+are stored with it; only where one of them is not known yet is the rest loaded.
 """
 
 from __future__ import annotations
@@ -25,7 +29,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from llvmlite.binding import address_of_symbol
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
+from numba.core.runtime import rtsys
 
 VERSIONS = 4
 """Versions of a kernel that are kept: for programs that run side by side, or that are switched between."""
@@ -42,23 +48,53 @@ def kept_on_disk(compiled: Any, options: str) -> None:
         Of the compiler, in words.
     """
     if hasattr(compiled, "enable_caching"):
-        with contextlib.suppress(RuntimeError, OSError):  # there is no folder to keep it in
-            compiled._cache = CodeCache(compiled.py_func, options)
+        compiled._cache = CodeCache(compiled.py_func, options)
+
+
+class StoredCode(CompileResultCacheImpl):
+    """What is stored of a compiled kernel: the names of the functions that its code calls, and the code."""
+
+    def reduce(self, result: Any) -> tuple[tuple[str, ...], Any]:
+        """Return what is to be stored."""
+        library = result.library
+        return tuple(sorted(_called(library._get_module_for_linking()))), super().reduce(result)
+
+    def rebuild(self, context: Any, stored: tuple[tuple[str, ...], Any]) -> Any:
+        """Return what was compiled, of what was stored."""
+        names, code = stored
+        rtsys.initialize(context)  # the functions for memory, of all kernels
+        if any(address_of_symbol(name) is None for name in names):
+            context.refresh()
+        return super().rebuild(context, code)
+
+
+def _called(module: Any) -> Iterator[str]:
+    """Names of the functions that a module of LLVM leaves to be found, other than LLVM's own."""
+    for function in module.functions:
+        if function.is_declaration and not function.name.startswith("llvm."):
+            yield function.name
 
 
 class CodeCache(FunctionCache):
-    """The stored machine code of one kernel."""
+    """The stored machine code of one kernel. Most kernels are called by others, and never look for theirs."""
+
+    _impl_class = StoredCode
 
     def __init__(self, function: Any, options: str) -> None:
-        super().__init__(function)
-        self._options = options
-        self._settled = False
+        self._py_func, self._options, self._settled = function, options, False
+
+    @property
+    def cache_path(self) -> str | None:
+        """The folder, or None where there is none to write to."""
+        with contextlib.suppress(RuntimeError, OSError):
+            self._settle()
+        return self._cache_path if self._settled else None
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return the stored code for a signature, or None."""
         try:
             self._settle()
-            return super().load_overload(signature, context)
+            return self._load_overload(signature, context)
         except Exception:  # whatever a damaged file leads to
             return None
 
@@ -84,6 +120,7 @@ class CodeCache(FunctionCache):
     def _settle(self) -> None:
         """Choose the files. When a kernel is first called, all that it refers to has been defined."""
         if not self._settled:
+            super().__init__(self._py_func)
             digest = source_digest(self._py_func, self._options)
             base = f"{self._impl.filename_base}-{digest}"
             self._cache_file = IndexDataCacheFile(self._cache_path, base, digest)

@@ -4,10 +4,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import event
 
 from sixflow.engine.codecache import kept_on_disk
 
@@ -20,7 +22,19 @@ _KERNELS: list[Any] = []
 
 def kernel(function: Kernel) -> Kernel:
     """Compile `function` on first use for the types it meets, and keep the machine code on disk."""
-    compiled = numba.njit(**_OPTIONS)(function)
+    return _compiled(function, _OPTIONS)
+
+
+def inner(function: Kernel) -> Kernel:
+    """Compile `function` as `kernel` does, for other kernels alone: Python cannot call it.
+
+    What passes arguments and results between Python and machine code takes most of the compilation of a small kernel.
+    """
+    return _compiled(function, {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True})
+
+
+def _compiled(function: Kernel, options: dict[str, Any]) -> Kernel:
+    compiled = numba.njit(**options)(function)
     kept_on_disk(compiled, repr((_FAST, _OPTIONS["nogil"], _OPTIONS["error_model"])))
     _compile_once_for_constants(compiled)
     _KERNELS.append(compiled)
@@ -45,6 +59,45 @@ def compiled_now() -> int:
     return sum(sum(k.stats.cache_misses.values()) for k in _KERNELS)
 
 
+class _Finished(event.Listener):
+    """Hears of every kernel of ours that has been compiled."""
+
+    def __init__(self, call: Callable[[], None]) -> None:
+        self._call = call
+
+    def on_start(self, event: Any) -> None:
+        """Nothing is to be done."""
+
+    def on_end(self, event: Any) -> None:
+        """Tell whoever wants to know."""
+        if any(event.data["dispatcher"] is one for one in _KERNELS):
+            self._call()
+
+
+@contextlib.contextmanager
+def watched(call: Callable[[], None]) -> Iterator[None]:
+    """Call a function, without arguments, whenever a kernel has been compiled."""
+    with event.install_listener("numba:compile", _Finished(call)):
+        yield
+
+
+def folders() -> list[str]:
+    """Return the folders that hold the machine code; none where no folder can be written to."""
+    paths = (getattr(getattr(k, "_cache", None), "cache_path", None) for k in _KERNELS)
+    return sorted({path for path in paths if path})
+
+
+def missing(dtype: str = "float32") -> int:
+    """Return how many kernels have no machine code on disk for images of a type.
+
+    Parameters
+    ----------
+    dtype : {"float32", "float64"}
+        Type that images are computed in.
+    """
+    return sum(not _is_stored(k, dtype) for k in _KERNELS)
+
+
 def needs_compiling(dtype: str = "float32") -> bool:
     """Tell whether the kernels of a plain measurement have no machine code on disk for images of a type: the first
     one will take long.
@@ -54,8 +107,8 @@ def needs_compiling(dtype: str = "float32") -> bool:
     dtype : {"float32", "float64"}
         Type that images are computed in.
     """
-    ready = [_is_stored(k, dtype) for k in _KERNELS]
-    return 3 * sum(ready) < len(ready)  # a plain measurement uses about half of them, some in both types
+    # a plain measurement uses about half of them, some in both types
+    return 3 * (len(_KERNELS) - missing(dtype)) < len(_KERNELS)
 
 
 def _is_stored(compiled: Any, dtype: str) -> bool:

@@ -1,303 +1,283 @@
-"""Moments: Gaussian window sums of products of images, computed at the grid points only.
+"""Node moments: sums of products of image rows about the nodes of a lattice, which add.
 
-The window is separable. First along the columns, for the grid's rows alone, with the weights w, wY, wY²
-(`window.moment_weights`): all pixel columns side by side, which is vector code. Then along the rows,
-for the grid's columns alone: every step-th pixel is brought side by side (phases), and the same code
-serves. A window that reaches beyond the frame sums what is there: missing weight, not zeros in the
-average.
+Nodes stand on a lattice of spacing b that covers the frame. Every pixel is shared between its two nearest nodes along
+each axis by the hat function hat(t) = 1 − |t|, t its distance over b (linear B-splines), and at every node the
+moments of a product p are
 
-| product | moments | where |
-|---|---|---|
-| g_x², g_x g_y, g_y² | 1, X, Y, X², XY, Y² each, under w | normal equations, 0 … 17 |
-| g_x q, g_y q | 1, X, Y each, under w | normal equations, 18 … 23 |
-| r²g_x², r²g_x g_y, r²g_y² | 1, X, Y, X², XY, Y² each, under w² | sandwich, 0 … 17 |
-| 1, ∣r∣, r², I₀, I₀² | 1 each, under w | statistics, 0 … 4 |
-| 1; u, v | 1, X, Y, X², XY, Y²; 1, X, Y each, under w | affine fit of a displacement, 0 … 11 |
+    Σ_x hat(X) hat(Y) X^a Y^c p(x),    (X, Y) = (x − node)/b,    a + c ≤ the product's order.
+
+A hat is the sum of hats of half the width, hat_2b = ½ hat_b(−b) + hat_b(0) + ½ hat_b(+b): moments merge exactly into
+those of a lattice of twice the spacing. Windows are made of them in `windows`.
+
+The way: between two rows of nodes lies a row of cells, b pixel rows. For a pixel t rows below the upper nodes, with
+τ = t/b, Y = τ at the upper nodes and τ − 1 at the lower ones, so that their shares are polynomials in τ,
+
+    upper (1 − τ) τ^c,    lower τ (τ − 1)^c:
+
+sums of τ^k p down the columns, k up to one more than the order, give both. The same then along x.
+
+| symbol | name |
+|---|---|
+| b | `spacing` |
+| products | `recipe`: pairs of lines, those of order 2 first, then order 1, then order 0; `ranks` counts each |
+| Σ τ^k σ^a p of each cell | `sums` |
+
+Planes of moments are in an order by which a translation works on whole ranges (`plane_at`): all that a translation
+raises by two powers of X or Y, then by one, stand first.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.compiler import kernel
+from sixflow.engine.compiler import inner, kernel
+from sixflow.engine.lines import add_taps, copy_line, fill_line
 
-_TILE = 256
-_NORMAL, _SANDWICH, _STATISTICS, _AFFINE = range(4)
+TILE = 4096
+"""Pixels whose products are held at a time: 16 kB in single precision, which stay in the first cache."""
+
+POWERS = 4
+"""Powers 0 … 3: up to one more than the highest order."""
+
+
+class Cells(NamedTuple):
+    """What is summed, and in which cells.
+
+    Attributes
+    ----------
+    spacing : int
+        b, px.
+    recipe : int array, shape (products, 2)
+        Lines whose product is summed.
+    ranks : (int, int, int)
+        How many products have moments up to order 2, order 1 and order 0; they stand in this order.
+    powers : array, shape (4, b)
+        (t/b)^k.
+    """
+
+    spacing: int
+    recipe: NDArray[np.int64]
+    ranks: tuple[int, int, int]
+    powers: NDArray[Any]
+
+
+class Part(NamedTuple):
+    """Which part of the frame is summed.
+
+    Attributes
+    ----------
+    origin : (int, int)
+        x and y of the first node, at most 0.
+    rows : (int, int)
+        First and last (exclusive) row of the frame that counts; the images begin with the first.
+    cells : (int, int)
+        First and last (exclusive) row of cells.
+    """
+
+    origin: tuple[int, int]
+    rows: tuple[int, int]
+    cells: tuple[int, int]
+
+
+class Scratch(NamedTuple):
+    """Work space of one strip."""
+
+    products: NDArray[Any]
+    columns: NDArray[Any]
+    phases: NDArray[Any]
+    sums: NDArray[Any]
+    shares: NDArray[Any]
+    offsets: NDArray[np.int64]
+
+
+def cells_of(
+    spacing: int, recipe: tuple[tuple[int, int], ...], ranks: tuple[int, int, int], dtype: Any
+) -> Cells:
+    """Return the cells of a recipe for images of a type."""
+    powers = (np.arange(spacing) / spacing) ** np.arange(POWERS)[:, None]
+    return Cells(spacing, np.array(recipe, np.int64), ranks, powers.astype(dtype))
 
 
 @kernel
-def add_weighted(
-    lines: NDArray[Any], first: int, count: int, column: int, weights: NDArray[Any], tap: int,
-    out: NDArray[Any], at: int, orders: int, place: int, n: int,
-) -> None:  # fmt: skip
-    """out[at + k, place + x] += Σ_row weights[k, tap + row] · lines[first + row, column + x] for k <
-    orders, x < n.
+def plane_count(ranks: tuple[int, int, int]) -> int:
+    """How many planes of moments the products have: 6, 3 and 1 for orders 2, 1 and 0."""
+    return 6 * ranks[0] + 3 * ranks[1] + ranks[2]
 
-    Four rows at a time, one output and four inputs a loop: with more, the compiler no longer proves
-    that they do not overlap, and writes scalar code. Offsets are arguments, and slices are taken of
-    single rows, because a slice of a two-dimensional array is not known to be contiguous.
+
+@kernel
+def plane_at(ranks: tuple[int, int, int], order: int, along_x: int, along_y: int) -> int:
+    """First plane of the moments X^along_x Y^along_y of the products of an order.
+
+    1 of order 2, 1 of order 1, X and Y of order 2 (these are raised by a translation), X and Y of order 1, X², XY, Y²,
+    and the products of order 0.
+    """
+    two, one, _ = ranks
+    if order == 0:
+        return 6 * two + 3 * one
+    power = along_x + along_y
+    if order == 1:
+        return two if power == 0 else 3 * two + one + along_y * one
+    if power == 0:
+        return 0
+    if power == 1:
+        return two + one + along_y * two
+    return 3 * two + 3 * one + along_y * two
+
+
+@inner
+def scratch_of(cells: Cells, count: int) -> Scratch:
+    """Work space for rows of so many cells."""
+    b, kind = cells.spacing, cells.powers.dtype
+    tile = max(1, TILE // (b * b))
+    most = max(cells.ranks[0], max(cells.ranks[1], cells.ranks[2])) * (count + 1)
+    return Scratch(
+        np.empty(b * b * tile, kind),
+        np.empty((POWERS, b * tile), kind),
+        np.empty(b * tile, kind),
+        np.zeros((POWERS * POWERS, most), kind),
+        np.empty((POWERS, most), kind),
+        np.empty(b, np.int64),
+    )
+
+
+@inner
+def _sum_product(
+    lines: NDArray[Any], pair: NDArray[Any], rows: tuple[int, int], cells: Cells, order: int, place: int,
+    scratch: Scratch,
+) -> None:  # fmt: skip
+    """Σ τ^k σ^a p over every cell of a row of cells into scratch.sums[4k + a, place …], a + k ≤ order + 1."""
+    b, powers, offsets = cells.spacing, cells.powers, scratch.offsets
+    first, last = rows
+    count = lines.shape[2] // b
+    tile = max(1, TILE // (b * b))
+    for start in range(0, count, tile):
+        n = min(tile, count - start)
+        low, width = start * b, n * b
+        for t in range(first, last):
+            f, g = lines[pair[0], t][low : low + width], lines[pair[1], t][low : low + width]
+            target = scratch.products[t * width : (t + 1) * width]
+            for x in range(width):
+                target[x] = f[x] * g[x]
+            offsets[t] = t * width
+        for k in range(order + 2):
+            fill_line(scratch.columns[k], 0, width, 0.0)
+            weights = powers[k][first:last]
+            add_taps(scratch.products, offsets[first:last], weights, scratch.columns[k], width)
+        for s in range(b):
+            offsets[s] = s * n
+        for k in range(order + 2):
+            line = scratch.columns[k]
+            for s in range(b):  # pixels of one place in the cells side by side
+                target, x = scratch.phases[s * n : (s + 1) * n], s
+                for i in range(n):
+                    target[i] = line[x]
+                    x += b
+            for a in range(order + 2 - max(k - 1, 0)):
+                total = scratch.sums[POWERS * k + a][place + start : place + start + n]
+                fill_line(total, 0, n, 0.0)
+                add_taps(scratch.phases, offsets[:b], powers[a], total, n)
+
+
+@inner
+def _share(
+    sums: NDArray[Any], first: int, stride: int, side: int, power: int, out: NDArray[Any], n: int
+) -> None:
+    """Add what the node before (side 0) or after (side 1) a cell gets of a moment of a power.
+
+    Row first + k·stride of `sums` holds Σ τ^k p. Before: (1 − τ) τ^power; after: τ (τ − 1)^power.
+    """
+    s = out[:n]
+    if side == 0:
+        f, g = sums[first + power * stride][:n], sums[first + (power + 1) * stride][:n]
+        for x in range(n):
+            s[x] += f[x] - g[x]
+        return
+    f1 = sums[first + stride][:n]
+    if power == 0:
+        for x in range(n):
+            s[x] += f1[x]
+        return
+    f2 = sums[first + 2 * stride][:n]
+    if power == 1:
+        for x in range(n):
+            s[x] += f2[x] - f1[x]
+        return
+    f3 = sums[first + 3 * stride][:n]
+    for x in range(n):
+        s[x] += (f3[x] - f2[x]) - (f2[x] - f1[x])
+
+
+@inner
+def add_cell_row(
+    lines: NDArray[Any], rows: tuple[int, int], cells: Cells, scratch: Scratch, above: NDArray[Any],
+    below: NDArray[Any],
+) -> None:  # fmt: skip
+    """Add one row of cells to the moments of the nodes above and below it.
 
     Parameters
     ----------
-    lines : array, shape (…, …)
-        `count` rows from `first`, n columns from `column` are used.
-    weights : array, shape (≥ orders, taps)
-    out : array, shape (…, …)
+    lines : array, shape (lines, b, cells · b)
+        Images of the row of cells; 0 in columns beyond the frame.
+    rows : (int, int)
+        First and last (exclusive) of the b rows that count.
+    cells : Cells
+    scratch : Scratch
+    above, below : arrays, shape (planes · nodes,)
+        Nodes are one more than cells.
     """
-    fours = count - count % 4
-    for row in range(0, fours, 4):
-        f0, f1 = lines[first + row][column : column + n], lines[first + row + 1][column : column + n]
-        f2, f3 = lines[first + row + 2][column : column + n], lines[first + row + 3][column : column + n]
-        for k in range(orders):
-            s, w = out[at + k][place : place + n], weights[k][tap + row : tap + row + 4]
-            w0, w1, w2, w3 = w[0], w[1], w[2], w[3]
-            for x in range(n):
-                s[x] += (w0 * f0[x] + w1 * f1[x]) + (w2 * f2[x] + w3 * f3[x])
-    for row in range(fours, count):
-        f = lines[first + row][column : column + n]
-        for k in range(orders):
-            s, weight = out[at + k][place : place + n], weights[k, tap + row]
-            for x in range(n):
-                s[x] += weight * f[x]
+    nodes = lines.shape[2] // cells.spacing + 1
+    product = 0
+    for order in range(2, -1, -1):
+        members = cells.ranks[2 - order]
+        for member in range(members):
+            _sum_product(lines, cells.recipe[product], rows, cells, order, member * nodes, scratch)
+            product += 1
+        n = (
+            members * nodes
+        )  # all products of an order side by side: the column of nodes after the last cell is 0
+        for side in range(2 if n else 0):
+            node_row = above if side == 0 else below
+            for power in range(order + 1):
+                left = order - power
+                for a in range(left + 2):
+                    fill_line(scratch.shares[a], 0, n, 0.0)
+                    _share(scratch.sums, a, POWERS, side, power, scratch.shares[a], n)
+                for a in range(left + 1):
+                    place = plane_at(cells.ranks, order, a, power) * nodes
+                    _share(scratch.shares, 0, 1, 0, a, node_row[place : place + n], n)
+                    _share(scratch.shares, 0, 1, 1, a, node_row[place + 1 : place + n], n - 1)
 
 
 @kernel
-def _multiply(a: NDArray[Any], b: NDArray[Any], out: NDArray[Any]) -> None:
-    for x in range(a.size):
-        out[x] = a[x] * b[x]
-
-
-@kernel
-def _phases(line: NDArray[Any], first: int, out: NDArray[Any]) -> None:
-    """Bring every step-th pixel side by side: out[phase, m] = line[first + m·step + phase], 0 beyond
-    the line.
-    """
-    step, count = out.shape
-    width = line.size
-    for phase in range(step):
-        target = out[phase]
-        x = first + phase
-        for m in range(count):
-            target[m] = line[x] if 0 <= x < width else 0
-            x += step
-
-
-@kernel
-def _order_two(
-    columns: NDArray[Any], powers: int, at: int, weights: NDArray[Any], first: int, phases: NDArray[Any],
-    sums: NDArray[Any], out: NDArray[Any], place: int,
-) -> None:  # fmt: skip
-    """Finish the moments 1, X, Y, X², XY, Y² of one product from its column sums with w, wY, …
-    wY^(powers − 1).
-
-    The column sums are rows at … of `columns`; the moments go to out[:, place …], out being (grid
-    columns, moments).
-    """
-    step, n, taps = phases.shape[0], out.shape[0], weights.shape[1]
-    for power in range(powers):
-        _phases(columns[at + power], first, phases)
-        sums[:] = 0
-        for tap in range(0, taps, step):
-            count = min(step, taps - tap)
-            add_weighted(phases, 0, count, tap // step, weights, tap, sums, 0, powers - power, 0, n)
-        for k in range(powers - power):
-            target = place + (power + k) * (power + k + 1) // 2 + power
-            for i in range(n):
-                out[i, target] = sums[k, i]
-
-
-@kernel
-def _column_sums(
-    products: NDArray[Any], orders: NDArray[Any], weights: NDArray[Any], low: int, high: int,
-    grid: tuple[int, int, int], start: int, stop: int, tile: int, width: int, columns: NDArray[Any],
-) -> None:  # fmt: skip
-    """Column sums of one tile of products for the grid rows start … stop.
-
-    `products` is (count, rows, tile width) and holds the pixel rows low … high; `columns` is (grid
-    rows, Σ orders, frame width), of which the `width` columns from `tile` are written.
-    """
-    _, y0, step = grid
-    reach = weights.shape[1] // 2
-    for j in range(start, stop):
-        y = y0 + j * step
-        above, below = max(low, y - reach), min(high, y + reach + 1)
-        target = columns[j - start]
-        at = 0
-        for product in range(orders.size):
-            for k in range(orders[product]):
-                line = target[at + k]
-                for x in range(tile, tile + width):
-                    line[x] = 0
-            add_weighted(
-                products[product], above - low, below - above, 0, weights, above - y + reach,
-                target, at, orders[product], tile, width,
-            )  # fmt: skip
-            at += orders[product]
-
-
-@kernel
-def _finish(
-    columns: NDArray[Any], orders: NDArray[Any], weights: NDArray[Any], grid: tuple[int, int, int],
-    start: int, stop: int, out: NDArray[Any],
-) -> None:  # fmt: skip
-    """Row sums of all products for the grid rows start … stop."""
-    x0, _, step = grid
-    n = out.shape[1]
-    first = x0 - weights.shape[1] // 2
-    phases = np.empty((step, n + weights.shape[1] // step + 1), columns.dtype)
-    sums = np.empty((3, n), columns.dtype)
-    for j in range(start, stop):
-        at, place = 0, 0
-        for product in range(orders.size):
-            count = orders[product]
-            _order_two(columns[j - start], count, at, weights, first, phases, sums, out[j], place)
-            at += count
-            place += count * (count + 1) // 2
-
-
-@kernel
-def _rows_needed(
-    height: int, grid: tuple[int, int, int], reach: int, start: int, stop: int
-) -> tuple[int, int]:
-    _, y0, step = grid
-    return max(0, y0 + start * step - reach), min(height, y0 + (stop - 1) * step + reach + 1)
-
-
-@kernel
-def _fill(
-    kind: int, a: NDArray[Any], b: NDArray[Any], c: NDArray[Any], products: NDArray[Any], row: int,
-    scratch: NDArray[Any],
-) -> None:  # fmt: skip
-    """Products of one row of a tile into products[:, row]; a, b, c are the row's pixels of the images of that kind."""
-    n = a.size
-    if kind == _NORMAL:
-        _multiply(a, a, products[0, row])
-        _multiply(a, b, products[1, row])
-        _multiply(b, b, products[2, row])
-        _multiply(a, c, products[3, row])
-        _multiply(b, c, products[4, row])
-    elif kind == _SANDWICH:
-        zero = a.dtype.type(0)
-        fx, fy = scratch[0][:n], scratch[1][:n]
-        for x in range(n):
-            r = c[x] if c[x] == c[x] else zero
-            fx[x] = r * a[x]
-            fy[x] = r * b[x]
-        _multiply(fx, fx, products[0, row])
-        _multiply(fx, fy, products[1, row])
-        _multiply(fy, fy, products[2, row])
-    elif kind == _STATISTICS:
-        zero, one = a.dtype.type(0), a.dtype.type(1)
-        count, absolute, grey = products[0, row], products[1, row], products[3, row]
-        for x in range(n):
-            count[x] = one if b[x] == b[x] else zero
-        for x in range(n):
-            absolute[x] = abs(b[x]) if b[x] == b[x] else zero
-        for x in range(n):
-            grey[x] = a[x] if b[x] == b[x] else zero
-        _multiply(absolute[:n], absolute, products[2, row])
-        _multiply(grey[:n], grey, products[4, row])
-    else:
-        _multiply(a, a, products[0, row])
-        _multiply(a, b, products[1, row])
-        _multiply(a, c, products[2, row])
-
-
-@kernel
-def _window_sums(
-    kind: int, a: NDArray[Any], b: NDArray[Any], c: NDArray[Any], orders: NDArray[Any], weights: NDArray[Any],
-    grid: tuple[int, int, int], start: int, stop: int, out: NDArray[Any],
-) -> None:  # fmt: skip
-    """Moments of all products of one kind for the grid rows start … stop; `orders`: powers of Y of each product."""
-    height, width = a.shape
-    low, high = _rows_needed(height, grid, weights.shape[1] // 2, start, stop)
-    columns = np.empty((stop - start, orders.sum(), width), a.dtype)
-    products = np.empty((orders.size, high - low, min(_TILE, width)), a.dtype)
-    scratch = np.empty((2, min(_TILE, width)), a.dtype)
-    for tile in range(0, width, _TILE):
-        end = min(tile + _TILE, width)
-        for y in range(low, high):
-            _fill(kind, a[y][tile:end], b[y][tile:end], c[y][tile:end], products, y - low, scratch)
-        _column_sums(products, orders, weights, low, high, grid, start, stop, tile, end - tile, columns)
-    _finish(columns, orders, weights, grid, start, stop, out)
-
-
-def moments_strip(
-    gradient_x: NDArray[Any],
-    gradient_y: NDArray[Any],
-    right: NDArray[Any],
-    weights: NDArray[Any],
-    grid: tuple[int, int, int],
-    start: int,
-    stop: int,
-    out: NDArray[Any],
+def product_strip(
+    images: NDArray[Any], cells: Cells, part: Part, sums: NDArray[Any], edge: NDArray[Any]
 ) -> None:
-    """Moments of the normal equations for the grid rows start … stop.
+    """Sum products of images into node moments.
 
     Parameters
     ----------
-    gradient_x, gradient_y, right : arrays, shape (height, width)
-        From `warp`; 0 where a pixel has no partner.
-    weights : array, shape (3, 2 reach + 1)
-        From `window.moment_weights`.
-    grid : (x0, y0, step)
-    out : array, shape (grid rows, grid columns, 24)
+    images : array, shape (images, rows of the part, width)
+        Line k of the recipe is image k.
+    cells : Cells
+    part : Part
+    sums : array, shape (node rows, planes · nodes)
+        Added to, in the node rows of the part but the last.
+    edge : array, shape (planes · nodes,)
+        Receives the part's share of its last node row, which it has in common with the part below.
     """
-    orders = np.array([3, 3, 3, 2, 2])
-    _window_sums(_NORMAL, gradient_x, gradient_y, right, orders, weights, grid, start, stop, out)
-
-
-def sandwich_strip(
-    gradient_x: NDArray[Any],
-    gradient_y: NDArray[Any],
-    residual: NDArray[Any],
-    weights: NDArray[Any],
-    grid: tuple[int, int, int],
-    start: int,
-    stop: int,
-    out: NDArray[Any],
-) -> None:
-    """Moments of the sandwich for the grid rows start … stop; `weights` are those of w², out is (rows, columns, 18)."""
-    orders = np.array([3, 3, 3])
-    _window_sums(_SANDWICH, gradient_x, gradient_y, residual, orders, weights, grid, start, stop, out)
-
-
-def statistics_strip(
-    image: NDArray[Any],
-    residual: NDArray[Any],
-    weights: NDArray[Any],
-    grid: tuple[int, int, int],
-    start: int,
-    stop: int,
-    out: NDArray[Any],
-) -> None:
-    """Window sums of 1, |r|, r², I, I² over the pixels that have a partner; out is (rows, columns, 5)."""
-    orders = np.array([1, 1, 1, 1, 1])
-    _window_sums(_STATISTICS, image, residual, residual, orders, weights, grid, start, stop, out)
-
-
-def affine_moments_strip(
-    valid: NDArray[Any],
-    u: NDArray[Any],
-    v: NDArray[Any],
-    weights: NDArray[Any],
-    grid: tuple[int, int, int],
-    start: int,
-    stop: int,
-    out: NDArray[Any],
-) -> None:
-    """Window sums of 1 (six moments), u and v (moments 1, X, Y each) where valid is 1, grid rows start … stop.
-
-    Parameters
-    ----------
-    valid, u, v : arrays, shape (height, width)
-        `valid` is 1 or 0.
-    weights : array, shape (3, 2 reach + 1)
-    grid : (x0, y0, step)
-    out : array, shape (grid rows, grid columns, 12)
-    """
-    orders = np.array([3, 2, 2])
-    _window_sums(_AFFINE, valid, u, v, orders, weights, grid, start, stop, out)
+    b, left, width = cells.spacing, -part.origin[0], images.shape[2]
+    count = edge.size // plane_count(cells.ranks) - 1
+    lines, scratch = np.zeros((len(images), b, count * b), images.dtype), scratch_of(cells, count)
+    for cell in range(part.cells[0], part.cells[1]):
+        top = part.origin[1] + cell * b
+        first, last = max(part.rows[0], top), min(part.rows[1], top + b)
+        if first >= last:
+            continue
+        for y in range(first, last):
+            for k in range(len(images)):
+                copy_line(images[k, y - part.rows[0]], lines[k, y - top][left : left + width], width)
+        below = sums[cell + 1] if cell + 1 < part.cells[1] else edge
+        add_cell_row(lines, (first - top, last - top), cells, scratch, sums[cell], below)

@@ -10,18 +10,11 @@ particle or a glint, is larger than a pixel. Gaussian noise keeps 0.995 of its w
 | symbol | meaning |
 |---|---|
 | r, g | residual and gradient of `warp` |
-| s₀ | 1.4826 · median of ∣r∣ over a tile of 16 × 16 pixels: noise |
-| e | 1.4826 · median of ∣r∣/∣g∣ over its steeper pixels: displacement that the fit leaves, px |
+| s₀, e | noise, and displacement that the fit leaves, px: `scales` |
 
-Both medians are taken over the pixels that the pass before left any weight. Over all pixels they would stand up to 40 %
-of foreign ones in principle; in fact they are too large long before, foreign pixels are kept, and as what is foreign
-lies over several pixels, errors exceed what the covariance says. From pass to pass the scales come down to those of
-the pixels that belong. Of Gaussian noise this cuts nothing: 6e-7 of it is beyond 5 s. To leave out all pixels in
-doubt as well, beyond 3.5 s, would find no more of what is foreign, and cut into motions that are not resolved.
-
-The second term of s is what keeps the fit linear: where windows do not resolve the motion, steep pixels have large
-residuals, all of them, and none is an outlier. Of both scales the median over 5 × 5 tiles is taken, and it is
-interpolated between the tiles.
+Of Gaussian noise 6e-7 is beyond 5 s. To leave out all pixels in doubt as well, beyond 3.5 s, would find no more of what
+is foreign, and cut into motions that are not resolved. The second term of s is what keeps the fit linear: where windows
+do not resolve the motion, steep pixels have large residuals, all of them, and none is an outlier.
 
 The estimate is an M-estimate with ψ = ω r. Its covariance is the sandwich with Σ w ψ' J Jᵀ for bread, not Σ w ω J Jᵀ,
 and where ω falls ψ' is below ω by (2 t²)/(5² − 3.5²): pixels that are neither in nor out add noise. `weighing_noise`
@@ -47,91 +40,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.engine.compiler import kernel
+from sixflow.engine.scales import NEGLIGIBLE, TILE, scales_of
 from sixflow.engine.threads import over_strips
 
-TILE = 16
-REACH = 2  # tiles: scales are medians over 5 × 5
-NORMAL = 1.4826  # standard deviation of a Gaussian over its median absolute value
-FULL, NONE = 3.5, 5.0  # standard deviations up to which a pixel keeps its weight, and where it has lost it
-ALIKE = 3  # independent pixels among a pixel and its eight neighbours, at least
-NEGLIGIBLE = 0.05  # weight that is taken for none
-LEAST_MISFIT = 0.02  # px: no fit is better than that on real pixels
+FULL, NONE = 3.5, 5.0
+"""Standard deviations up to which a pixel keeps its weight, and where it has lost it: beyond are 5e-4 and 6e-7 of
+Gaussian noise.
+"""
+ALIKE = 3
+"""Independent pixels among a pixel and its eight neighbours, at least."""
 _STRIP = 64
-
-
-@kernel
-def _select(values: NDArray[Any], count: int) -> float:
-    """Element count//2 of the first `count` values in order (Hoare's selection); reorders them."""
-    k, low, high = count // 2, 0, count - 1
-    while low < high:
-        pivot = values[(low + high) // 2]
-        i, j = low, high
-        while i <= j:
-            while values[i] < pivot:
-                i += 1
-            while values[j] > pivot:
-                j -= 1
-            if i <= j:
-                values[i], values[j] = values[j], values[i]
-                i += 1
-                j -= 1
-        if k <= j:
-            high = j
-        elif k >= i:
-            low = i
-        else:
-            break
-    return values[k]
-
-
-@kernel
-def scales_strip(
-    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], weight: NDArray[Any],
-    start: int, stop: int, scales: NDArray[Any],
-) -> None:  # fmt: skip
-    """s₀ and e of the tile rows start … stop, from the pixels that have weight.
-
-    Parameters
-    ----------
-    residual, gradient_x, gradient_y, weight : arrays, shape (height, width)
-    scales : array, shape (2, tile rows, tile columns)
-        NaN where a tile has less than a quarter of its pixels.
-    """
-    height, width = residual.shape
-    sizes = np.empty(TILE * TILE, residual.dtype)
-    ratios = np.empty(TILE * TILE, residual.dtype)
-    for tj in range(start, stop):
-        top, bottom = tj * TILE, min((tj + 1) * TILE, height)
-        for ti in range(scales.shape[2]):
-            left, right = ti * TILE, min((ti + 1) * TILE, width)
-            count, power = 0, 0.0
-            for y in range(top, bottom):
-                for x in range(left, right):
-                    r = residual[y, x]
-                    if r == r and weight[y, x] >= NEGLIGIBLE:
-                        sizes[count] = abs(r)
-                        count += 1
-                        power += gradient_x[y, x] ** 2 + gradient_y[y, x] ** 2
-            if 4 * count < TILE * TILE:
-                scales[0, tj, ti] = scales[1, tj, ti] = np.nan
-                continue
-            noise = NORMAL * _select(sizes, count)
-            mean_power = power / count
-            steep, steepness = 0, 0.0
-            for y in range(top, bottom):
-                for x in range(left, right):
-                    r = residual[y, x]
-                    g = gradient_x[y, x] ** 2 + gradient_y[y, x] ** 2
-                    if r == r and weight[y, x] >= NEGLIGIBLE and g > mean_power / 2:
-                        ratios[steep] = abs(r) / math.sqrt(g)
-                        steepness += 1 / g
-                        steep += 1
-            misfit = 0.0
-            if steep > 0:
-                ratio = NORMAL * _select(ratios, steep)
-                misfit = max(0.0, ratio * ratio - noise * noise * steepness / steep)
-            scales[0, tj, ti] = noise
-            scales[1, tj, ti] = math.sqrt(misfit)
 
 
 @kernel
@@ -240,54 +158,27 @@ def by_chance(residual: NDArray[Any]) -> NDArray[np.float64]:
     return np.asarray(erf(FULL / 2 * residual) ** ALIKE, dtype=np.float64)
 
 
-def usual(scales: NDArray[Any], floor: float) -> NDArray[Any]:
-    """Median over 5 × 5 tiles, at least `floor` for the noise; unknown tiles take the median of all.
-
-    Parameters
-    ----------
-    scales : array, shape (2, tile rows, tile columns)
-
-    Returns
-    -------
-    array of the same shape, without NaN
-    """
-    out = np.empty_like(scales)
-    for k, least in enumerate((floor, LEAST_MISFIT)):
-        known = scales[k][np.isfinite(scales[k])]
-        padded = np.pad(scales[k], REACH, constant_values=np.nan)
-        rows, columns = scales[k].shape
-        offsets = range(2 * REACH + 1)
-        around = np.stack([padded[j : j + rows, i : i + columns] for j in offsets for i in offsets])
-        around[:, np.isnan(around).all(axis=0)] = np.median(known) if known.size else np.inf
-        out[k] = np.maximum(np.nanmedian(around, axis=0), least)
-    return out
-
-
 def find_weights(
-    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], raw: NDArray[Any],
-    weight: NDArray[Any], floor: float,
+    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], still: NDArray[Any],
+    raw: NDArray[Any], weight: NDArray[Any],
 ) -> None:  # fmt: skip
     """Find ω of every pixel.
 
     Parameters
     ----------
     residual, gradient_x, gradient_y : arrays, shape (height, width)
-        From `warp`.
+        From `warp`; the residual is NaN where a pixel has no partner, and nothing there counts.
+    still : array, shape (height, width)
+        The reference as it was compared.
     raw : array, shape (height, width)
         Receives the weight of every pixel by itself.
     weight : array, shape (height, width)
         ω as found before, 1 to begin with. Receives ω; 1 where a pixel has no partner.
-    floor : float
-        Least standard deviation of the residual, grey: what rounding and interpolation may leave.
     """
-    height, width = residual.shape
-    scales = np.empty((2, -(-height // TILE), -(-width // TILE)))
+    allowed = scales_of(residual, gradient_x, gradient_y, still, weight)
+    height = residual.shape[0]
     over_strips(
-        lambda a, b: scales_strip(residual, gradient_x, gradient_y, weight, a, b, scales), scales.shape[1], 4
-    )
-    scales = usual(scales, floor)
-    over_strips(
-        lambda a, b: raw_weights_strip(residual, gradient_x, gradient_y, scales, a, b, raw), height, _STRIP
+        lambda a, b: raw_weights_strip(residual, gradient_x, gradient_y, allowed, a, b, raw), height, _STRIP
     )
     over_strips(lambda a, b: spread_strip(raw, a, b, weight), height, _STRIP)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sixflow.checks import numbers
 from sixflow.engine.lowpass import lowpass_noise
 from sixflow.engine.spline import DEGREE, gradient_noise
-from sixflow.engine.warp import DERIVATIVE
+from sixflow.engine.sweep import DERIVATIVE
 from sixflow.engine.window import attenuation_period, window_sigma
 from sixflow.errors import InputError
 from sixflow.field.dataset import FLAGS, SIX
@@ -27,7 +27,7 @@ from sixflow.field.selection import (
     stored_settings,
     valid,
 )
-from sixflow.refine.resolution import SHARPEN
+from sixflow.plan import SHARPEN
 
 Array = NDArray[Any]
 Region = tuple[float, float, float, float]

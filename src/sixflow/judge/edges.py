@@ -24,7 +24,7 @@ nothing.
 for the shortest period that is resolved, by up to 1.2 of the amplitude, and by a tenth. So L is negative whatever the
 noise. Chance is left where the two maps happen to agree. Therefore n is asked only if, in u or in v,
 
-    |M_n(p) − M_p(p)| > 5 standard errors + 0.3 px + what half a window of curvature makes (`consistency.curvature`),
+    |M_n(p) − M_p(p)| > 5 standard errors + 0.3 px + what half a window of curvature makes (`curvature`),
 
 the last being three times what the window's own fit is wrong by.
 
@@ -37,7 +37,7 @@ then n's motion is out (Wald's sequential test). In smooth motion one or two row
 | σ | `sigma`, of the window about p |
 | a | `GAP` windows: pixels nearer to p belong to the edge of either side |
 | noise | `noise`, of one frame; not less than ν₀/√2 |
-| ν₀ | `OF_CONTRAST` of frame 0's contrast |
+| ν₀ | `OF_CONTRAST` of frame 0's contrast around p |
 """
 
 from __future__ import annotations
@@ -50,206 +50,21 @@ import scipy
 from numpy.typing import NDArray
 
 from sixflow.convention.flags import FAILING, FLAGS
-from sixflow.convention.reference import SHARE
-from sixflow.engine.compiler import kernel
-from sixflow.engine.spline import DEGREE
+from sixflow.engine.evidence import refuted_strip, suspects_strip
+from sixflow.engine.scales import OF_CONTRAST, local_contrast
 from sixflow.engine.threads import over_strips
-from sixflow.engine.warp import warp_row
-from sixflow.judge.contradiction import curvature, gradient_variances
+from sixflow.judge.contradiction import gradient_variances
 from sixflow.maps.grid import Grid
+from sixflow.maps.neighbours import curvature
+from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
-from sixflow.refine.passes import OF_CONTRAST
-from sixflow.refine.quality import Quality
-from sixflow.settings import Settings
+from sixflow.refine.solution import Solution
 
 DISTANCES = (1.0, 1.5)
 """Of the neighbours, windows."""
-EVIDENCE = 3.5
-"""Standard deviations of L."""
-EXPLAINED = 3.0
-"""Standard deviations by which R_n may exceed ν²."""
-REJECTED = -8.0
-"""L of a motion that is asked no further."""
-ERRORS = 5.0
-FLOOR = 0.3  # px: what is finer than the window, and less than that, is left to stand
-GAP = 1 / 31  # windows
-FOREIGN = 100.0
-"""Mean squares of noise beyond which a pixel's residual tells nothing more."""
-_REACH = 2.5  # standard deviations of the larger disc
 _STRIP = 4
 
 Array = NDArray[np.float64]
-
-
-@kernel
-def _differs(
-    maps: NDArray[Any], variances: NDArray[Any], bend: float, j: int, i: int, dj: int, di: int, step: int,
-    told: NDArray[Any],
-) -> bool:  # fmt: skip
-    """Whether the neighbour (dj, di) says something else about (j, i); its map there into `told`."""
-    y, x, hy, hx, found = j + dj, i + di, dj * step, di * step, False
-    for c in range(2):
-        gx, gy = 2 + 2 * c, 3 + 2 * c
-        told[c] = maps[c, y, x] - hx * maps[gx, y, x] - hy * maps[gy, y, x]
-        told[gx], told[gy] = maps[gx, y, x], maps[gy, y, x]
-        beyond = abs(told[c] - maps[c, j, i]) - FLOOR - bend
-        if beyond > 0:
-            variance = variances[c, j, i] + variances[c, y, x]
-            variance += hx * hx * variances[gx, y, x] + hy * hy * variances[gy, y, x]
-            found = found or beyond > ERRORS * math.sqrt(variance)
-    return found
-
-
-@kernel
-def _suspects_strip(
-    maps: NDArray[Any], asked: NDArray[Any], judged: NDArray[Any], reach: NDArray[Any], step: int,
-    start: int, stop: int, found: NDArray[Any],
-) -> None:  # fmt: skip
-    """Points about which any neighbour says something else, were there no noise and no curvature."""
-    rows, columns = judged.shape
-    u, u_x, u_y, v, v_x, v_y = maps[0], maps[2], maps[3], maps[1], maps[4], maps[5]
-    for j in range(start, stop):
-        for i in range(columns):
-            if not judged[j, i]:
-                continue
-            for ring in range(reach.shape[0]):
-                r = reach[ring, j, i]
-                for dj in range(-r, r + 1, r):
-                    for di in range(-r, r + 1, r):
-                        y, x = j + dj, i + di
-                        if y < 0 or x < 0 or y >= rows or x >= columns or not asked[y, x]:
-                            continue
-                        hx, hy = di * step, dj * step
-                        apart_u = u[y, x] - hx * u_x[y, x] - hy * u_y[y, x] - u[j, i]
-                        apart_v = v[y, x] - hx * v_x[y, x] - hy * v_y[y, x] - v[j, i]
-                        if abs(apart_u) > FLOOR or abs(apart_v) > FLOOR:
-                            found[j, i] = True
-
-
-@kernel
-def _compare_row(
-    frames: tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]],
-    share: float, motion: NDArray[Any], x: int, y: int, below: int, light: tuple[float, float],
-    scratch: NDArray[Any], out: NDArray[Any],
-) -> None:  # fmt: skip
-    """Residuals of a motion in the row `below` (x, y), at as many pixels on both sides; NaN where there is none."""
-    still, coefficients, valid, moved, moved_valid = frames
-    side = out.size
-    half, row = side // 2, y + below
-    u, v, before, taps = scratch[0], scratch[1], scratch[2], scratch[3:]
-    nothing, noise = np.empty(0), (0.0, 0.0, 0.0)
-    for part in range(2):  # frame 1, then frame 0
-        way = 1 - share if part == 0 else -share
-        for a in range(side):
-            u[a] = motion[0] + motion[2] * (a - half) + motion[3] * below
-            u[a] = x - half + way * u[a]  # the row's pixels count from 0
-            v[a] = way * (motion[1] + motion[4] * (a - half) + motion[5] * below)
-        if part == 0:
-            warp_row(moved, moved_valid, u, v, row, taps, out, nothing, noise)
-        elif share > 0:
-            warp_row(coefficients, valid, u, v, row, taps, before, nothing, noise)
-    for a in range(side):
-        column = x + a - half
-        if share == 0:
-            inside = 0 <= row < still.shape[0] and 0 <= column < still.shape[1]
-            if not inside or (valid.size and valid[row, column] == 0):
-                before[a] = np.nan
-            else:
-                before[a] = still[row, column]
-        out[a] = (out[a] - light[1]) / light[0] - before[a]
-
-
-@kernel
-def _evidence(
-    frames: tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]],
-    share: float, mine: NDArray[Any], told: NDArray[Any], x: int, y: int, light: tuple[float, float],
-    ahead: tuple[float, float], sigma: float, gap: float, power: float, floor: float, scratch: NDArray[Any],
-    own: NDArray[Any], known: NDArray[Any], other: NDArray[Any],
-) -> float:  # fmt: skip
-    """The larger L of both discs, in standard deviations, or −inf as soon as n's motion is out.
-
-    `own` (side, side) and `known` (side,) keep the residuals of p's own motion, row by row as they are wanted.
-    """
-    side = own.shape[0]
-    half = side // 2
-    sums, ratio, excess = np.zeros((2, 4)), np.zeros(2), np.zeros(2)
-    for n in range(side):
-        below = (n + 1) // 2 if n % 2 else -(n // 2)
-        if below * ahead[1] + half * abs(ahead[0]) <= gap:
-            continue
-        b = below + half
-        if not known[b]:
-            _compare_row(frames, share, mine, x, y, below, light, scratch, own[b])
-            known[b] = True
-        _compare_row(frames, share, told, x, y, below, light, scratch, other)
-        for a in range(side):
-            along = (a - half) * ahead[0] + below * ahead[1]
-            if along <= gap or not (own[b, a] == own[b, a] and other[a] == other[a]):
-                continue
-            near = min((along - gap) / (2 * gap), 1.0)
-            large = math.exp(-2 * ((a - half) ** 2 + below**2) / (sigma * sigma))
-            for size in range(2):
-                w = near * (large if size == 0 else large**4)
-                sums[size, 0] += w
-                sums[size, 1] += w * w
-                sums[size, 2] += w * min(own[b, a] ** 2, FOREIGN * power)
-                sums[size, 3] += w * min(other[a] ** 2, FOREIGN * power)
-        for size in range(2):
-            total, squares, left, instead = sums[size]
-            if total > 0:
-                least = max(min(left, instead), floor * total)
-                count = total * total / squares
-                ratio[size] = count / 2 * (left - instead) / least
-                explained = instead < total * power * (1 + EXPLAINED * math.sqrt(2 / count))
-                excess[size] = ratio[size] / (math.sqrt(3 * count) / 2) if explained else -np.inf
-        if ratio[0] < REJECTED and ratio[1] < 0:
-            return -np.inf
-    return max(excess[0], excess[1])
-
-
-@kernel
-def _refuted_strip(
-    frames: tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]],
-    maps: NDArray[Any], variances: NDArray[Any], bend: NDArray[Any], noise: NDArray[Any],
-    light: NDArray[Any], asked: NDArray[Any], suspects: NDArray[Any], reach: NDArray[Any],
-    window: NDArray[Any], grid: tuple[int, int, int], share: float, taps: int, floor: float, start: int, stop: int,
-    found: NDArray[Any],
-) -> None:  # fmt: skip
-    """Try the neighbours' maps on the pixels of both frames; `found` receives who is refuted."""
-    rows, columns = suspects.shape
-    x0, y0, step = grid
-    told, mine = np.empty(6), np.empty(6)
-    for j in range(start, stop):
-        for i in range(columns):
-            if not suspects[j, i]:
-                continue
-            sigma = window[j, i] / math.sqrt(4 * math.pi)
-            gap, power = GAP * window[j, i], 2 * noise[j, i] ** 2
-            half = math.ceil(_REACH * sigma / 2)
-            side, px, py = 2 * half + 1, x0 + i * step, y0 + j * step
-            own, other, known = np.empty((side, side)), np.empty(side), np.zeros(side, np.bool_)
-            scratch = np.empty((2 * taps + 5, side))
-            tone = (1.0, 0.0)
-            if light.size:
-                tone = (float(light[j, i, 0]), float(light[j, i, 1]))
-            for k in range(6):
-                mine[k] = maps[k, j, i]
-            for ring in range(reach.shape[0]):
-                r = reach[ring, j, i]
-                for dj in range(-r, r + 1, r):
-                    for di in range(-r, r + 1, r):
-                        y, x = j + dj, i + di
-                        if found[j, i] or y < 0 or x < 0 or y >= rows or x >= columns or not asked[y, x]:
-                            continue
-                        if not _differs(maps, variances, bend[j, i], j, i, dj, di, step, told):
-                            continue
-                        length = math.hypot(di, dj)
-                        ahead = di / length, dj / length
-                        clear = _evidence(
-                            frames, share, mine, told, px, py, tone, ahead, sigma, gap, power, floor, scratch,
-                            own, known, other,
-                        )  # fmt: skip
-                        found[j, i] = clear > EVIDENCE
 
 
 def _near(marked: NDArray[np.bool_], window: NDArray[Any], step: int) -> NDArray[np.bool_]:
@@ -260,16 +75,7 @@ def _near(marked: NDArray[np.bool_], window: NDArray[Any], step: int) -> NDArray
     return np.asarray(scipy.ndimage.maximum_filter(marked, 2 * reach + 1), dtype=np.bool_)
 
 
-def refuted(
-    still: Frame,
-    moved: Frame,
-    grid: Grid,
-    maps: NDArray[Any],
-    quality: Quality,
-    flag: NDArray[np.uint16],
-    window: NDArray[Any],
-    settings: Settings,
-) -> NDArray[np.bool_]:
+def refuted(still: Frame, moved: Frame, grid: Grid, found: Solution, plan: Plan) -> NDArray[np.bool_]:
     """Find points whose neighbours' motion fits the pixels on their side better than the point's own.
 
     Parameters
@@ -277,15 +83,11 @@ def refuted(
     still, moved : Frame
         As they were compared.
     grid : Grid
-    maps : array, shape (6, rows, columns)
-        u, v, u_x, u_y, v_x, v_y, told where `settings.reference` says.
-    quality : Quality
-    flag : uint16 array, shape (rows, columns)
-        Points that failed are not judged, nor those within half a window of what is said to be unresolved: there the
-        fit is known to be wrong. Points at edges are asked for their motion, others that failed are not.
-    window : array, shape (rows, columns)
-        Window of each point, px.
-    settings : Settings
+    found : Solution
+        Expressed at the points of the plan's reference. Points that failed are not judged, nor those within half a
+        window of what is flagged unresolved: there the fit is known to be wrong. Points at edges are asked for their
+        motion, others that failed are not.
+    plan : Plan
 
     Returns
     -------
@@ -303,39 +105,40 @@ def refuted(
     >>> int((sixflow.measure(made.frame0, made.frame1).flag.values & FLAGS["edge"]).sum())
     0
     """
-    found = np.zeros(grid.shape, np.bool_)
+    maps, flag, window, light = found.maps, found.flag, found.window, found.light
+    out = np.zeros(grid.shape, np.bool_)
     judged = ((flag & FAILING) == 0) & ~_near(flag & FLAGS["unresolved"] != 0, window, grid.step)
     asked = (flag & (FAILING - FLAGS["edge"])) == 0
     windows = np.nan_to_num(window, nan=float(grid.step)) / grid.step
     reach = np.stack([np.maximum(1, np.rint(part * windows)).astype(np.int64) for part in DISTANCES])
     suspects = np.zeros(grid.shape, np.bool_)
     over_strips(
-        lambda a, b: _suspects_strip(maps, asked, judged, reach, grid.step, a, b, suspects),
+        lambda a, b: suspects_strip(maps, asked, judged, reach, grid.step, a, b, suspects),
         grid.rows,
         4 * _STRIP,
     )
     if not suspects.any():
-        return found
-    variances = gradient_variances(quality.covariance)
+        return out
+    variances = gradient_variances(found.covariance)
     bend = curvature(np.where(asked, maps, np.nan), grid.step, float(np.median(window[suspects])))
-    degree, share = DEGREE[settings.interpolation], SHARE[settings.reference]
-    none = np.empty((0, 0), still.image.dtype)
+    degree, share = plan.degree, plan.share
+    none, valid = np.empty((0, 0), still.image.dtype), still.interpolable() if share else still.valid
     frames = (
         still.image,
         still.coefficients(degree) if share else none,
-        still.interpolable() if share else still.valid,
+        valid,
         moved.coefficients(degree),
         moved.interpolable(),
     )
-    light = np.empty((0, 0, 2)) if quality.light is None else np.asarray(quality.light, np.float64)
-    least = OF_CONTRAST / math.sqrt(2) * float(still.image[::4, ::4].std())
-    noise = np.maximum(quality.noise, least)
+    tone = np.empty((0, 0, 2)) if light is None else np.asarray(light, np.float64)
+    least = OF_CONTRAST / math.sqrt(2) * local_contrast(still.image, valid, grid.y, grid.x)
+    noise = np.maximum(found.statistics.noise, least)
     over_strips(
-        lambda a, b: _refuted_strip(
-            frames, maps, variances, bend, noise, light, asked, suspects, reach, window,
-            grid.origin_and_step, share, degree + 1, 2 * least**2, a, b, found,
+        lambda a, b: refuted_strip(
+            frames, maps, variances, bend, noise, tone, asked, suspects, reach, window,
+            grid.origin_and_step, share, degree + 1, 2 * least**2, a, b, out,
         ),
         grid.rows,
         _STRIP,
     )  # fmt: skip
-    return found
+    return out

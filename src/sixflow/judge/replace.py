@@ -99,3 +99,26 @@ def _combined(
     weight = 1 / np.maximum(variance, 1e-3 * variance.max() + 1e-30)
     weight /= weight.sum()
     return weight @ predicted, np.einsum("n,nij->ij", weight, carried)
+
+
+def replace_failed(
+    six: NDArray[Any], covariance: NDArray[Any], wanted: NDArray[np.bool_], step: int, window: float
+) -> NDArray[np.bool_]:
+    """Write what the neighbours predict, in place, to the points of a field where it is wanted and known.
+
+    Parameters
+    ----------
+    six, covariance, wanted, step, window
+        As for `predictions`.
+
+    Returns
+    -------
+    bool array, shape (rows, columns)
+        Points that were replaced.
+    """
+    predicted, spread, known = predictions(six, covariance, wanted, step, window)
+    at = np.flatnonzero(wanted)[known]
+    six.reshape(-1, 6)[at], covariance.reshape(-1, 6, 6)[at] = predicted[known], spread[known]
+    replaced = np.zeros(wanted.shape, np.bool_)
+    replaced.ravel()[at] = True
+    return replaced

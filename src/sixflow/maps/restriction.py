@@ -17,7 +17,8 @@ Numbers that the group does not have are those of the group's maps, by assumptio
 Euclidean group the divergence is 2 cos φ − 2.)
 
 Confined maps do not fit together to a dense field: between two points that move differently there is a gradient,
-whatever the group. What is warped with has the gradient of the displacements of neighbouring points (`joined`).
+whatever the group. What is warped with has the gradient of the displacements of neighbouring points
+(`with_shared_gradients`).
 """
 
 from __future__ import annotations
@@ -107,7 +108,7 @@ def projection(normal: NDArray[Any], basis: Real) -> Real:
     return result
 
 
-def joined(maps: NDArray[Any], step: int) -> NDArray[Any]:
+def with_shared_gradients(maps: NDArray[Any], step: int) -> NDArray[Any]:
     """Maps whose gradients are those of the displacements from point to point; their own, where a neighbour
     failed or there is none. Shape (6, rows, columns).
     """

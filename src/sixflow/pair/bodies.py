@@ -1,25 +1,31 @@
-"""Pieces: what is known and found of the bodies of a pair, measured one by one, and the field they make."""
+"""Bodies: every body of a pair measured by itself, in a part of the frames that leaves room for its motion."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any, TypeAlias
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.convention import GRADIENT_FROM_SIX
-from sixflow.convention.flags import FAILING, FLAGS
-from sixflow.judge.flags import fill_failed
+from sixflow.convention.flags import FLAGS
+from sixflow.errors import BadFrameError
 from sixflow.maps.grid import Grid
-from sixflow.maps.placing import leaves
-from sixflow.settings import Settings
+from sixflow.maps.placing import masked_points, placed
+from sixflow.pair.body import Body
+from sixflow.pair.start import Start
+from sixflow.plan import Plan
+from sixflow.prepare.frame import NO_MASK, Frame, both_valid
+from sixflow.prepare.light import BodyLight, body_lit
+from sixflow.prepare.prepare import Prepared
+from sixflow.refine.solution import Part, Solution, assembled
+from sixflow.search.pyramid import pyramid
 
-Part: TypeAlias = tuple[slice, slice]
-"""Rows and columns."""
-
-LOST_FROM_START = 0.05  # share of the points of a start that may fail, before the motion is searched anew
+FAILED = 0.5
+"""Share of a body's points that have to fail near where it was, before it is sought in the whole frame."""
+MANY_BODIES = 4
+"""From which one search for all, to begin with, is cheaper than one for each."""
 
 
 def with_margin(box: Part, shape: tuple[int, int], margin: int) -> Part:
@@ -31,112 +37,168 @@ def with_margin(box: Part, shape: tuple[int, int], margin: int) -> Part:
     return rows, columns
 
 
-def share_failed(flag: NDArray[np.uint16]) -> float:
-    """Share of the points that are not masked and failed."""
-    asked = (flag & FLAGS["masked"]) == 0
-    return float(((flag & FAILING) != 0)[asked].mean()) if asked.any() else 0.0
-
-
 def room_to_move(box: Part, window: float) -> int:
     """Pixels around a body that it is looked for in first: two windows, or half its longer side."""
     return math.ceil(max(2 * window, max(part.stop - part.start for part in box) / 2))
 
 
 @dataclasses.dataclass(frozen=True)
-class Start:
-    """What is known of a motion before it is measured.
+class PairBodies:
+    """The bodies of a prepared pair of frames, and how they are measured.
 
     Attributes
     ----------
-    maps : float64 array, shape (6, rows, columns)
-        u, v, u_x, u_y, v_x, v_y in the frame that the measurement refers to; NaN where nothing is known.
-    body : int array, shape (rows, columns), or None
-        Number of the body of each point, where there are several.
-    known : bool array, shape (rows, columns), or None
-        Points that the maps were measured at; the others are filled.
+    reference, moved : Prepared
+        The two frames, prepared together.
+    plan : Plan
+        With the lighting that was found for this pair.
+    masks_move : bool
+        Whether there is a mask for each frame.
+    guess : array, shape (6, rows, columns), or None
+        A user's first guess, at points of frame 0.
+    doubtful : bool
+        Whether the lighting holds only if the matched windows say so too.
     """
 
-    maps: NDArray[np.float64]
-    body: NDArray[Any] | None = None
-    known: NDArray[np.bool_] | None = None
+    reference: Prepared
+    moved: Prepared
+    plan: Plan
+    masks_move: bool = False
+    guess: NDArray[np.float64] | None = None
+    doubtful: bool = False
 
-    @classmethod
-    def from_six(cls, six: NDArray[Any], flag: NDArray[Any], body: NDArray[Any] | None) -> Start:
-        """Take an earlier result of the same grid as a start."""
-        maps = np.moveaxis(six.astype(np.float64) @ GRADIENT_FROM_SIX.T, -1, 0)
-        maps[:, (flag & FAILING) != 0] = np.nan
-        return cls(
-            np.ascontiguousarray(maps), np.where(flag & FLAGS["masked"], 0, 1) if body is None else body
-        )
+    def measure(self, start: Start | None) -> Solution:
+        """Measure every body; where there is one only, all that the mask leaves.
 
-    def of(self, number: int | None, places: tuple[slice, slice], grid: Grid) -> Start | None:
-        """The start of one body at some of the points, filled from its own points; None where it has none."""
-        maps = self.maps[(slice(None), *places)]
-        if self.body is not None:
-            body = self.body[places]
-            own = body > 0 if number is None else body == number
-            maps = np.where(own, maps, np.nan)
-        known: NDArray[np.bool_] = np.asarray(np.isfinite(maps).all(axis=0))
-        return Start(fill_failed(maps, grid.step), None, known) if known.any() else None
-
-    def succeeded(
-        self, flag: NDArray[np.uint16], grid: Grid, shape: tuple[int, int], settings: Settings
-    ) -> bool:
-        """Whether the points that were known, and whose windows stay in the frame, were measured again."""
-        asked = (flag & FLAGS["masked"]) == 0
-        asked &= ~leaves(self.maps, grid, shape, settings.reference, settings.window / 2)
-        if self.known is not None:
-            asked &= self.known
-        return bool(((flag & FAILING) != 0)[asked].mean() <= LOST_FROM_START) if asked.any() else False
-
-    def backwards(self) -> Start:
-        """The same from frame 1 to frame 0, at points of frame 1."""
-        return dataclasses.replace(self, maps=-self.maps)
-
-
-_OF_POINTS = ("residual", "noise", "rho", "window", "period")
-
-
-@dataclasses.dataclass
-class Found:
-    """What was found of one body, or of all together; arrays of shape (rows, columns, …)."""
-
-    maps: NDArray[Any]
-    covariance: NDArray[Any]
-    residual: NDArray[Any]
-    noise: NDArray[Any]
-    rho: NDArray[Any]
-    window: NDArray[Any]
-    period: NDArray[Any]
-    flag: NDArray[np.uint16]
-    body: NDArray[np.int32] | None
-    lighting: str = "none"
-
-    @classmethod
-    def nothing(cls, shape: tuple[int, int]) -> Found:
-        """Start with all points masked."""
-        unknown: dict[str, Any] = {name: np.full(shape, np.nan) for name in _OF_POINTS}
-        return cls(
-            maps=np.full((6, *shape), np.nan),
-            covariance=np.full((*shape, 6, 6), np.nan),
-            flag=np.full(shape, FLAGS["masked"], np.uint16),
-            body=np.zeros(shape, np.int32),
-            **unknown,
-        )
-
-    def take(self, one: Found, number: int, places: tuple[slice, slice]) -> None:
-        """Put the points of a body in their places. Where two bodies claim a point, which only happens off frame 0,
-        one that was measured goes before one that failed, and the better match before the other.
+        Parameters
+        ----------
+        start : Start, optional
+            What is known of the motion.
         """
-        assert self.body is not None
-        flag, residual = self.flag[places], self.residual[places]
-        failed, was_failed = (one.flag & FAILING) != 0, (flag & FAILING) != 0
-        with np.errstate(invalid="ignore"):
-            better = np.where(failed == was_failed, one.residual < residual, was_failed)
-        new = ((one.flag & FLAGS["masked"]) == 0) & (better | ((flag & FLAGS["masked"]) != 0))
-        self.maps[(slice(None), *places)][:, new] = one.maps[:, new]
-        for name in ("covariance", *_OF_POINTS, "flag"):
-            getattr(self, name)[places][new] = getattr(one, name)[new]
-        self.body[places][new] = number
-        if new.any() and one.lighting != "none":
-            self.lighting = one.lighting
+        bodies = self.reference.bodies
+        if bodies is None or len(bodies.boxes) < 2:
+            return self._in_part(None, self._everywhere, self._everywhere, start)
+        if start is None and len(bodies.boxes) >= MANY_BODIES:
+            start = self._in_common()
+        return assembled(self.plan.grid.shape, [*self._each(start)])
+
+    @property
+    def _everywhere(self) -> Part:
+        """All rows and columns of the frames."""
+        height, width = self.plan.shape
+        return slice(0, height), slice(0, width)
+
+    @property
+    def _at_frame_0(self) -> bool:
+        """Whether grid points lie where the bodies are in frame 0."""
+        return self.plan.reference == "first"
+
+    def _each(self, start: Start | None) -> Iterator[tuple[int, Part, Solution]]:
+        """Number, places in the grid and solution of every body that has grid points."""
+        bodies, shape, grid = self.reference.bodies, self.plan.shape, self.plan.grid
+        assert bodies is not None
+        for number, box in bodies.boxes.items():
+            near = with_margin(box, shape, room_to_move(box, self.plan.window.size))
+            # off frame 0, its points may be anywhere near
+            points = with_margin(box, shape, grid.step) if self._at_frame_0 else near
+            if grid.within(*points, origin=near) is None or not self._has_points(number):
+                continue
+            found = self._in_part(number, near, points, start)
+            if near != self._everywhere and found.share_failed > FAILED:
+                far = points if self._at_frame_0 else self._everywhere
+                again = self._in_part(number, self._everywhere, far, start)
+                if again.share_failed < found.share_failed:
+                    found, points = again, far
+            yield number, self._grid_in(points, points)[1], found
+
+    def _has_points(self, number: int) -> bool:
+        """Whether any grid point may lie on a body."""
+        bodies, grid = self.reference.bodies, self.plan.grid
+        assert bodies is not None
+        return not self._at_frame_0 or bool((bodies.labels[np.ix_(grid.y, grid.x)] == number).any())
+
+    def _grid_in(self, points: Part, part: Part) -> tuple[Grid, Part]:
+        within = self.plan.grid.within(*points, origin=part)
+        assert within is not None
+        return within
+
+    def _in_common(self) -> Start | None:
+        """Search the motion of all bodies as one: a start for each; a body that it misses is searched by itself."""
+        searched = self.guess is None and self.plan.search in ("auto", "pyramid")
+        if not searched or not self._at_frame_0:
+            return None
+        still, _, moved, _ = self._frames(None, self._everywhere, self.plan.grid)
+        if still.valid.size and not still.valid.any():
+            return None
+        return Start(pyramid(still, moved, self.plan.grid, self.plan.of_search))
+
+    def _in_part(self, number: int | None, part: Part, points: Part, start: Start | None) -> Solution:
+        """Measure one body (None: all that the mask leaves) in a part of the frames, at the grid points of another."""
+        plan = self.plan.replace(shape=_shape_of(part))
+        grid, places = self._grid_in(points, part)
+        still, asked, moved, light = self._frames(number, part, grid)
+        if number is None:
+            _require_pixels(asked, moved)
+        known = None if start is None else start.of(number, places, grid)
+        guess = None if self.guess is None else self.guess[(slice(None), *places)]
+        if plan.reference == "second":
+            # frame 1 is the one that stays: frame 0 is found from it, backwards
+            known = None if known is None else known.backwards()
+            guess = None if guess is None else -placed(guess, grid, 1.0)
+            backwards = plan.replace(reference="first")
+            body = Body(moved, still, moved, grid, backwards, light, self.doubtful)
+            found = body.measure(known, guess)
+            found = found.replace(maps=-found.maps)
+        else:
+            body = Body(still, moved, asked, grid, plan, light, self.doubtful)
+            found = body.measure(known, guess)
+        masked = masked_points(found.maps, grid, asked.valid, plan.reference)
+        return found.replace(flag=np.where(masked, FLAGS["masked"], found.flag).astype(np.uint16))
+
+    def _frames(
+        self, number: int | None, part: Part, grid: Grid
+    ) -> tuple[Frame, Frame, Frame, BodyLight | None]:
+        """Frame 0 where it counts for a body, frame 0 where that is asked for, and frame 1 where it may be; and what
+        divides out the light of the body in frame 1.
+        """
+        reference, moved, plan = self.reference, self.moved, self.plan
+        asked, other, light = reference.frame.part(part), moved.frame.part(part), None
+        bodies, there = reference.bodies, moved.bodies if self.masks_move else None
+        if bodies is not None:
+            asked = asked.within(_where(bodies.of_number(number, part), asked))
+        if there is not None:
+            # the region of the settings is that of frame 0: what moves out of it is still there
+            other = other.within(_where((there.whole or there).of_number(self._partner(number), part), other))
+        if plan.lighting == "local":
+            carries = bodies is not None and there is None
+            carried = (grid, plan.reference == "second") if carries else None
+            asked, other, light = body_lit(asked, other, plan.window.sigma, carried=carried)
+        still = asked
+        if bodies is not None and bodies.clear is not None:
+            still = asked.within(both_valid(asked.valid, bodies.clear[part]))
+        return reference.evidence(still, part), asked, moved.evidence(other, part), light
+
+    def _partner(self, number: int | None) -> int | None:
+        """Number of a body in frame 1; None for any, where the numbers are not given in both frames."""
+        named = [one.bodies is not None and one.bodies.named for one in (self.reference, self.moved)]
+        return number if all(named) else None
+
+
+def _where(region: NDArray[np.uint8], frame: Frame) -> NDArray[np.uint8]:
+    """Where a frame is valid in a region; `NO_MASK` where that is everywhere."""
+    valid = both_valid(region, frame.valid)
+    return NO_MASK if valid.all() else valid
+
+
+def _require_pixels(asked: Frame, other: Frame) -> None:
+    """Require both frames to have values where their masks are True."""
+    for frame, which, name in ((asked, "mask", "frame 0"), (other, "mask of the second frame", "that")):
+        if frame.valid.size and not frame.valid.any():
+            raise BadFrameError(
+                f"{which} is True only where {name} has no value (NaN or infinite): nothing is left to measure"
+            )
+
+
+def _shape_of(part: Part) -> tuple[int, int]:
+    rows, columns = part
+    return rows.stop - rows.start, columns.stop - columns.start

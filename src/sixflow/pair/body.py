@@ -1,10 +1,10 @@
-"""Between: the motion of one body between two frames.
+"""Body: the motion of one body between two frames.
 
     search → refine (→ a ladder of windows) → judge → back again, if that is asked for
 
-The search and its own refinement see from frame 0, with one window. Where the settings ask for another place to see
-from (`reference="middle"`) or for windows of more than one size (`window="auto"`), the field found is refined once more
-from there.
+The search and its own refinement see from frame 0, with one window. Where the plan asks for another place
+(`reference="middle"`) or for windows of more than one size (`window="auto"`), the field found is refined once more from
+there.
 """
 
 from __future__ import annotations
@@ -15,195 +15,144 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.convention.flags import FAILING, FLAGS
-from sixflow.convention.reference import SHARE
-from sixflow.engine.window import attenuation_period
 from sixflow.judge.edges import refuted
-from sixflow.judge.flags import fill_failed, flag_points, isolated, settle
+from sixflow.judge.flags import isolated, judged
 from sixflow.judge.roundtrip import no_return
 from sixflow.maps.grid import Grid
+from sixflow.maps.neighbours import fill_failed, settle
 from sixflow.maps.placing import placed
-from sixflow.maps.restriction import joined
-from sixflow.pair.bodies import Start, share_failed
+from sixflow.method import problem_of
+from sixflow.pair.start import Start
+from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
-from sixflow.prepare.lighting import confirmed
-from sixflow.prepare.region_light import RegionLight
-from sixflow.refine.iterate import refine
-from sixflow.refine.method import passes_of
-from sixflow.refine.quality import Quality
-from sixflow.refine.resolution import Level, choose, ladder, search_settings
-from sixflow.refine.workspace import Workspace
-from sixflow.search.growth import Judged, Scene, extrapolated
+from sixflow.prepare.light import BodyLight
+from sixflow.prepare.lighting import Light, confirmed
+from sixflow.refine.iterate import dense, refine
+from sixflow.refine.resolution import choose
+from sixflow.refine.solution import Solution
+from sixflow.search.growth import Scene, extrapolated
 from sixflow.search.stage import find_motion
-from sixflow.settings import Settings
 
 
 @dataclasses.dataclass(frozen=True)
-class Measured:
-    """A measured and judged field; `window` and `period`, attenuated by 10 %, of each point, px; `lighting` that was
-    allowed for.
-    """
-
-    maps: NDArray[Any]
-    quality: Quality
-    flag: NDArray[np.uint16]
-    window: NDArray[Any]
-    period: NDArray[Any]
-    lighting: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Between:
+class Body:
     """What is measured between two frames, and how.
 
     Attributes
     ----------
     still, moved : Frame
         Frame 0 and frame 1, masked where the body is not.
-    judged : Frame
+    asked : Frame
         Frame 0 where points are asked for.
     grid : Grid
-    settings : Settings
+    plan : Plan
         `reference` is "first" or "middle": who sees from frame 1 takes the frames the other way round. `lighting` is
         not "auto".
-    workspace : Workspace
-    light : RegionLight, optional
-        What divides out the local light of the body alone.
+    light : BodyLight, optional
+        What divides out the local light of the body in frame 1, where the motion carries it.
     doubtful : bool
         Whether `lighting` holds only if the matched windows say so too.
     """
 
     still: Frame
     moved: Frame
-    judged: Frame
+    asked: Frame
     grid: Grid
-    settings: Settings
-    workspace: Workspace
-    light: RegionLight | None = None
+    plan: Plan
+    light: BodyLight | None = None
     doubtful: bool = False
 
-    def measure(self, start: Start | None = None, guess: NDArray[np.float64] | None = None) -> Measured:
+    def measure(self, start: Start | None = None, guess: NDArray[np.float64] | None = None) -> Solution:
         """Search, refine and judge.
 
         Parameters
         ----------
         start : Start, optional
-            What is known of the motion, where `settings.reference` sees it from. The search is left out where
+            What is known of the motion, expressed at the points of the plan's reference. The search is left out where
             refining it succeeds.
         guess : array, shape (6, rows, columns), optional
             A user's first guess, at points of frame 0.
         """
-        simple = search_settings(self.settings, self.still.image.shape).replace(reference="first", sharpen=0)
-        found = self._found(simple, start, guess)
+        found = self._found(start, guess)
         if self.doubtful and not self._confirmed(found):
-            steady = dataclasses.replace(
-                self, settings=self.settings.replace(lighting="none"), doubtful=False
-            )
-            measured = steady._seen_as_asked(found)
-        elif simple == self.settings:
-            measured = self._single(found, simple)
-        else:
-            measured = self._seen_as_asked(found)
-        if measured.quality.foreign is not None:
-            measured.flag[self._refuted(measured)] |= FLAGS["edge"]
-        if self.settings.forward_backward:
-            measured.flag[self._strays(measured)] |= FLAGS["forward_backward"]
-        measured.flag[isolated(measured.flag)] |= FLAGS["outlier"]
-        return measured
+            steady = dataclasses.replace(self, plan=self.plan.replace(lighting="none"), doubtful=False)
+            found = steady._refined(found)
+        elif not self.plan.is_searched:
+            found = self._refined(found)
+        if found.statistics.foreign is not None:
+            found = found.with_flag("edge", self._refuted(found))
+        if self.plan.forward_backward:
+            found = found.with_flag("forward_backward", self._fails_round_trip(found))
+        return found.with_flag("outlier", isolated(found.flag))
 
-    def _confirmed(self, found: Judged) -> bool:
-        light = found.quality.light
-        return light is None or confirmed(light, ~found.failed, float(self.still.image[::4, ::4].std()))
+    def _confirmed(self, found: Solution) -> bool:
+        """Whether the windows of the search show the change of light too."""
+        light = found.light
+        return light is None or confirmed(light, ~found.failed, Light.of(self.still).spread)
 
-    def _found(self, simple: Settings, start: Start | None, guess: NDArray[np.float64] | None) -> Judged:
+    def _found(self, start: Start | None, guess: NDArray[np.float64] | None) -> Solution:
         """What the search finds, or what a start leads to."""
+        plan = self.plan.of_search
 
-        def judge(maps: NDArray[Any], still: Frame) -> Judged:
-            part = self if still is self.still else dataclasses.replace(self, still=still, judged=still)
-            level = part._level(maps, simple)
-            return Judged(level.maps, level.quality, level.flag)
+        def judge(maps: NDArray[Any], still: Frame) -> Solution:
+            part = self if still is self.still else dataclasses.replace(self, still=still, asked=still)
+            return part._measured(maps, plan)
 
         begun = None
         if start is not None:
-            if self._share:
-                start = dataclasses.replace(start, maps=placed(start.maps, self.grid, -self._share))
+            if self.plan.share:
+                start = dataclasses.replace(start, maps=placed(start.maps, self.grid, -self.plan.share))
             begun = judge(start.maps, self.still)
-            if start.succeeded(begun.flag, self.grid, self.still.image.shape, simple):
+            if start.succeeded(begun.flag, self.grid, plan):
                 return begun
-        scene = Scene(self.still, self.moved, self.grid, simple.window, judge)
-        found = find_motion(scene, simple, self.workspace, guess)
-        return found if begun is None or share_failed(found.flag) < share_failed(begun.flag) else begun
+        found = find_motion(Scene(self.still, self.moved, self.grid, plan, judge), guess)
+        return found if begun is None or found.share_failed < begun.share_failed else begun
 
-    @property
-    def _share(self) -> float:
-        return SHARE[self.settings.reference]
-
-    def _single(self, found: Judged, settings: Settings) -> Measured:
-        """The field of one window."""
-        level = Level(settings, found.maps, found.quality, np.empty(0), found.flag)
-        period = np.full(self.grid.shape, level.period)
-        if found.quality.held is not None:
-            period[found.quality.held] = attenuation_period(settings.sigma, 0)
-        window = np.full(self.grid.shape, float(settings.window))
-        return Measured(
-            found.maps, found.quality, found.flag, window, period,
-            settings.lighting,
-        )  # fmt: skip
-
-    def _seen_as_asked(self, found: Judged) -> Measured:
-        """Refine what the search found once more, seen from where the settings say and with their windows."""
+    def _refined(self, found: Solution) -> Solution:
+        """Refine what the search found once more, seen from where the plan says and with its windows."""
         start = extrapolated(found, self.grid)
-        if self._share:
-            start = placed(start, self.grid, self._share)
-        if self.settings.window != "auto":
-            level = self._level(start, self.settings)
-            return self._single(Judged(level.maps, level.quality, level.flag), self.settings)
-        levels: list[Level] = []
-        for settings in reversed(ladder(self.settings, self.still.image.shape)):
-            levels.insert(0, self._level(start, settings, sharpened=bool(levels)))
-            start = settle(
-                np.where(levels[0].usable, levels[0].maps, np.nan), self.grid.step, settings.window
-            )
-        chosen = choose(levels, self.grid)
-        return Measured(
-            chosen.maps, chosen.quality, chosen.flag, chosen.window, chosen.period, self.settings.lighting
-        )
+        if self.plan.share:
+            start = placed(start, self.grid, self.plan.share)
+        windows = self.plan.ladder
+        if not windows:
+            return self._measured(start, self.plan)
+        levels: list[Solution] = []
+        for window in reversed(windows):
+            levels.insert(0, self._measured(start, self.plan.replace(window=window), sharpened=bool(levels)))
+            start = settle(levels[0].known, self.grid.step, window.size)
+        return choose(levels, windows, self.grid)
 
-    def _level(self, start: NDArray[Any], settings: Settings, *, sharpened: bool = False) -> Level:
+    def _measured(self, start: NDArray[Any], plan: Plan, *, sharpened: bool = False) -> Solution:
         """Refine a start with one window, and judge it; `sharpened`: the start was, by another window."""
         frames = self.still, self.moved
         if self.light is not None:
-            frames = self.light.divided_out(*frames, start, SHARE[settings.reference])
-        passes = passes_of(settings)(*frames, self.grid, settings, self.workspace)
-        maps, quality, left = refine(passes, start, sharpened=sharpened)
-        flag = flag_points(passes.dense(maps), quality, left, self.grid, self.judged, settings)
-        return Level(settings, maps, quality, left, flag)
+            frames = self.light.divided_out(*frames, start, plan.share)
+        found = refine(problem_of(*frames, self.grid, plan), start, sharpened=sharpened)
+        flag = judged(self._dense(found), self.grid, self.asked, plan).flag
+        return found.replace(flag=flag)
 
-    def _refuted(self, there: Measured) -> NDArray[np.bool_]:
-        """Points beside which a neighbour's motion fits better; where no pixel is foreign there is no edge."""
-        maps = self._dense(there.maps)
+    def _refuted(self, there: Solution) -> NDArray[np.bool_]:
+        """Points beside which a neighbour's motion fits better; where no pixel is outlying there is no edge."""
+        there = self._dense(there)
         frames = self.still, self.moved
         if self.light is not None:
-            known = np.where((there.flag & FAILING) != 0, np.nan, maps)
-            frames = self.light.divided_out(*frames, fill_failed(known, self.grid.step), self._share)
-        return refuted(*frames, self.grid, maps, there.quality, there.flag, there.window, self.settings)
+            start = fill_failed(there.known, self.grid.step)
+            frames = self.light.divided_out(*frames, start, self.plan.share)
+        return refuted(*frames, self.grid, there, self.plan)
 
-    def _strays(self, there: Measured) -> NDArray[np.bool_]:
+    def _fails_round_trip(self, there: Solution) -> NDArray[np.bool_]:
         """Points that do not return where they came from, by a measurement from frame 1 to frame 0."""
         back = dataclasses.replace(
             self,
             still=self.moved,
             moved=self.still,
-            judged=self.moved,
+            asked=self.moved,
             light=None if self.light is None else self.light.reversed,
-            settings=self.settings.replace(forward_backward=False),
+            plan=self.plan.replace(forward_backward=False),
         ).measure()
-        maps, back_maps = (
-            np.where((one.flag & FAILING) != 0, np.nan, self._dense(one.maps)) for one in (there, back)
-        )
-        covariances = there.quality.covariance, back.quality.covariance
-        return no_return(maps, back_maps, *covariances, self.grid, self._share)
+        maps = self._dense(there).known, self._dense(back).known
+        return no_return(*maps, there.covariance, back.covariance, self.grid, self.plan.share)
 
-    def _dense(self, maps: NDArray[Any]) -> NDArray[Any]:
-        """Maps that fit together to a dense field, as `Passes.dense`."""
-        return maps if self.settings.group == "affine" else joined(maps, self.grid.step)
+    def _dense(self, found: Solution) -> Solution:
+        """The solution with maps that fit together to a dense field."""
+        return found.replace(maps=dense(found.maps, self.plan, self.grid))

@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
-from concurrent.futures import Future
+import hashlib
+import math
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from sixflow.convention import SIX_FROM_GRADIENT
+from sixflow.convention.flags import FLAGS
+from sixflow.engine.lowpass import lowpass_noise
 from sixflow.field.dataset import build_field
 from sixflow.field.interval import statement
 from sixflow.frames.times import PairTimes
-from sixflow.maps.grid import Grid
+from sixflow.judge.replace import replace_failed
 from sixflow.maps.motion import Motion, one_frames_share
-from sixflow.masks import Bodies
-from sixflow.prepare.frame import Frame, both_valid
+from sixflow.maps.restriction import ABSENT
+from sixflow.plan import Plan
+from sixflow.prepare.frame import both_valid
+from sixflow.prepare.prepare import Prepared, PreparedPair
+from sixflow.refine.solution import Solution
 from sixflow.settings import Settings
 from sixflow.version import __version__
 
@@ -60,45 +67,6 @@ class PairResult:
         )
 
 
-@dataclasses.dataclass
-class Prepared:
-    """A frame that has been checked and normalised, with what is remembered of the raw one.
-
-    `unlit` is the frame before its local light was divided out; `copied`, of a pair, is True at pixels that a codec
-    took over from one frame to the other (`sixflow.prepare.copies`).
-    """
-
-    frame: Frame
-    digesting: Future[bytes]
-    mean: float
-    spread: float
-    notes: tuple[str, ...]
-    bodies: Bodies | None = None
-    unlit: Frame | None = None
-    copied: NDArray[np.bool_] | None = None
-
-    def evidence(self, frame: Frame, part: tuple[slice, slice]) -> Frame:
-        """A part of this frame without the pixels that were copied."""
-        if self.copied is None:
-            return frame
-        return frame.within(both_valid((~self.copied[part]).astype(np.uint8), frame.valid))
-
-    @property
-    def raw(self) -> Frame:
-        """The frame with its local light."""
-        return self.frame if self.unlit is None else self.unlit
-
-    @property
-    def digest(self) -> bytes:
-        """SHA-256 of the raw frame."""
-        return self.digesting.result()
-
-    @property
-    def mask_content(self) -> bytes:
-        """The mask, for digests; empty without one."""
-        return b"" if self.bodies is None else self.bodies.content
-
-
 def same_content(reference: Prepared, moved: Prepared) -> bool:
     """Whether two frames are the same to the last bit, or what their masks leave of them is."""
     if reference.digest == moved.digest:
@@ -108,16 +76,79 @@ def same_content(reference: Prepared, moved: Prepared) -> bool:
     ]
     if not masks:
         return False
-    counted = both_valid(*masks, reference.raw.valid, moved.raw.valid).astype(bool)
-    return bool(counted.any() and np.array_equal(reference.raw.image[counted], moved.raw.image[counted]))
+    frames = reference.frame, moved.frame
+    counted = both_valid(*masks, *(frame.valid for frame in frames)).astype(bool)
+    return bool(counted.any() and np.array_equal(*(frame.image[counted] for frame in frames)))
+
+
+def result_of_solution(
+    found: Solution,
+    pair: PreparedPair,
+    plan: Plan,
+    numbers: tuple[int, int],
+    notes: tuple[str, ...],
+    *,
+    masks_move: bool,
+    scale: float,
+    replace: bool,
+) -> PairResult:
+    """Bring a solution into the form of a field: the six numbers, NaN where failed, and noise in raw grey values.
+
+    Parameters
+    ----------
+    found : Solution
+    pair : PreparedPair
+        What it was measured of.
+    plan : Plan
+    numbers : (int, int)
+        Of the two frames.
+    notes : tuple of str
+    masks_move : bool
+        Whether there is a mask for each frame.
+    scale : float
+        Of the images.
+    replace : bool
+        Give failed points what their neighbours predict.
+    """
+    flag, failed, statistics = found.flag, found.failed, found.statistics
+    six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, found.maps, axes=1), 0, -1)
+    six[..., ABSENT.get(plan.group, ())] *= 0.0  # by assumption, not by rounding; NaN stays NaN
+    measured: dict[str, Any] = {
+        "six": six.astype(plan.dtype),
+        "covariance": found.covariance.astype(plan.dtype),
+        "residual": statistics.residual.astype(plan.dtype),
+        # in grey levels, which may be of any size
+        "noise": statistics.noise / (scale * math.sqrt(lowpass_noise(plan.lowpass))),
+        "resolution": found.period.astype(plan.dtype),
+    }
+    for values in measured.values():
+        values[failed] = np.nan
+    if replace:
+        wanted = failed & ((flag & FLAGS["masked"]) == 0)
+        step, size = plan.grid.step, plan.window.size
+        replaced = replace_failed(measured["six"], measured["covariance"], wanted, step, size)
+        flag = flag | np.where(replaced, FLAGS["replaced"], 0).astype(np.uint16)
+    reference, moved = pair.reference, pair.moved
+    digest = hashlib.sha256(reference.digest + moved.digest + reference.mask_content)
+    if masks_move:
+        digest.update(moved.mask_content)
+    body = found.body
+    if masks_move and body is None:
+        number = 1 if reference.bodies is None else next(iter(reference.bodies.boxes))
+        body = np.where(flag & FLAGS["masked"], 0, number).astype(np.int32)
+    windows = found.window[~failed] if not failed.all() else found.window
+    memory = reference.frame.nbytes + moved.frame.nbytes + sum(m.nbytes for m in measured.values())
+    return PairResult(
+        **measured, flag=flag, body=body, window=float(np.nanmedian(windows)), numbers=numbers,
+        digest=digest.hexdigest()[:16], notes=notes, memory=memory, rho=statistics.rho,
+    )  # fmt: skip
 
 
 def field_of_pair(
     result: PairResult,
     times: PairTimes,
     names: NDArray[Any] | None,
-    grid: Grid,
-    shape: tuple[int, int],
+    plan: Plan,
     settings: Settings,
 ) -> xr.Dataset:
     """Return the dataset of one pair.
@@ -128,9 +159,7 @@ def field_of_pair(
     times : PairTimes
     names : array of str, shape (2,), or None
         Of the files of the two frames.
-    grid : Grid
-    shape : (int, int)
-        Of the frames.
+    plan : Plan
     settings : Settings
         As they were asked for.
     """
@@ -139,7 +168,7 @@ def field_of_pair(
         "sixflow_version": __version__,
         "settings": settings.to_json(),
         "input_digest": result.digest,
-        "frame_shape": list(shape),
+        "frame_shape": list(plan.shape),
         "interval": statement(times.interval, times.interval_unit),
         "effective_window": result.window,
         "attenuation_period_10": float(np.median(resolutions)) if resolutions.size else float("nan"),
@@ -154,8 +183,8 @@ def field_of_pair(
         resolution=result.resolution[None],
         flag=result.flag[None],
         body=None if result.body is None else result.body[None],
-        x=grid.x,
-        y=grid.y,
+        x=plan.grid.x,
+        y=plan.grid.y,
         time=np.array([times.time]),
         time_unit=times.unit,
         frame_numbers=[result.numbers],

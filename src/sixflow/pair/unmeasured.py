@@ -17,12 +17,13 @@ from sixflow.errors import BadFrameError, SixflowError
 from sixflow.frames.bad import BadFrame
 from sixflow.maps.placing import masked_points
 from sixflow.masks import AnyBodies, Bodies
-from sixflow.pair.result import PairResult, Prepared
+from sixflow.pair.result import PairResult
 from sixflow.prepare.frame import NO_MASK, both_valid
+from sixflow.prepare.prepare import Prepared
 
 if TYPE_CHECKING:
-    from sixflow.pair.bodies import Start
     from sixflow.pair.session import Session
+    from sixflow.pair.start import Start
     from sixflow.recording.schedule import Recording
 
 Tried: TypeAlias = Prepared | BadFrame
@@ -123,17 +124,17 @@ def _unmeasured(
     grid, reference = session.grid, frames[0]
 
     def nothing(*more: int) -> NDArray[Any]:
-        return np.full((*grid.shape, *more), np.nan, session.dtype)
+        return np.full((*grid.shape, *more), np.nan, session.plan.dtype)
 
-    valid = NO_MASK if isinstance(reference, BadFrame) else reference.raw.valid
+    valid = NO_MASK if isinstance(reference, BadFrame) else reference.frame.valid
     if bodies is not None:
         valid = both_valid((bodies.labels != 0).astype(np.uint8), valid)
     still = np.full((6, *grid.shape), np.nan)
-    masked = masked_points(still, grid, valid, session.settings.reference)
+    masked = masked_points(still, grid, valid, session.plan.reference)
     flags = np.full(grid.shape, FLAGS[flag], np.uint16)
     flags[masked] |= FLAGS["masked"]
     body = None
-    if session.masks_move or (bodies is not None and len(bodies.boxes) > 1):
+    if session.masks.moving or (bodies is not None and len(bodies.boxes) > 1):
         labels = 1 if bodies is None else bodies.labels[np.ix_(grid.y, grid.x)]
         body = np.where(masked, 0, labels).astype(np.int32)
     content = [b"" if isinstance(frame, BadFrame) else frame.digest for frame in frames]

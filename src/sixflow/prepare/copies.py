@@ -20,11 +20,15 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from sixflow.prepare.frame import NO_MASK
+
 SIDE = 4
 """px: the smallest block of a codec."""
 
 
-def copied_pixels(first: NDArray[Any], second: NDArray[Any], step: float) -> NDArray[np.bool_]:
+def copied_pixels(
+    first: NDArray[Any], second: NDArray[Any], step: float, counted: NDArray[np.uint8] = NO_MASK
+) -> NDArray[np.bool_]:
     """Pixels in blocks that are the same in both frames and not flat.
 
     Parameters
@@ -32,6 +36,8 @@ def copied_pixels(first: NDArray[Any], second: NDArray[Any], step: float) -> NDA
     first, second : array, shape (height, width)
     step : float
         Of the grey values: squares whose values span no more are flat.
+    counted : uint8 array of the same shape, or `NO_MASK`
+        Pixels that count; blocks are made of these alone.
 
     Returns
     -------
@@ -46,7 +52,7 @@ def copied_pixels(first: NDArray[Any], second: NDArray[Any], step: float) -> NDA
     >>> found.sum() == 8 * 16, found[8:16, 8:24].all()
     (np.True_, np.True_)
     """
-    same = first == second
+    same = (first == second) & counted.astype(np.bool_) if counted.size else first == second
     if not same.any():
         return same
     # squares by their upper left pixels; filters put them at the pixel that is SIDE // 2 further

@@ -1,4 +1,4 @@
-"""Defects: dead and hot pixels found in a pair of frames, and replaced before anything is interpolated.
+"""Defects: dead and hot pixels found in a pair of frames, and replaced before anything is interpolated or filtered.
 
 An image that a lens has made does not change within a pixel: a pixel that stands out of its eight neighbours by
 itself, in both frames at the same place, by the same sign, is of the sensor. With
@@ -9,13 +9,16 @@ itself, in both frames at the same place, by the same sign, is of the sensor. Wi
 
 a pixel is defective where, in both frames, |B| > 4 q with q the 90 % quantile of |B|, |B| exceeds half the standard
 deviation of the frame, and |D| > 0.9 |A|: in one direction at least its neighbours are free of it, and of particles
-beside it. The image of a particle of e⁻² diameter d has D = (1 − exp(−8/d²))A at its peak, 0.9 A where d = 1.9 px.
-Where the pattern moves hardly any is taken for a defect, where it stands still, 1 peak in 100 of 3 px and 5 in
-100 of 2.4 px, of which nothing but the top is lost.
+beside it. Quantile and standard deviation are those of its surroundings, medians of 3 × 3 tiles of 64 × 64 px: a
+reflection or a dark corner elsewhere says nothing about a pixel. The image of a particle of e⁻² diameter d has
+D = (1 − exp(−8/d²))A at its peak, 0.9 A where d = 1.9 px. Where the pattern moves hardly any is taken for a defect,
+where it stands still, 1 peak in 100 of 3 px and 5 in 100 of 2.4 px, of which nothing but the top is lost.
 
 The value of a defective pixel is the biharmonic one, 20 p = 8 Σ(next) − 2 Σ(diagonal) − Σ(next but one), exact for
 cubic images; it would otherwise spread over the ten pixels around it when the frame is interpolated. What the
 replacement does not get right is left to the weights of `engine.weigh`.
+
+Only pixels that count in both frames are judged. Beside one that does not, the image is continued so that B is 0.
 """
 
 from __future__ import annotations
@@ -25,71 +28,55 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.compiler import kernel
+from sixflow.engine.pixels import DEFECT_TILE, find_lone_strip, tile_levels_strip
+from sixflow.engine.scales import median_around
 from sixflow.engine.threads import over_strips
-from sixflow.prepare.frame import Frame
+from sixflow.prepare.frame import NO_MASK, Frame, both_valid
+from sixflow.prepare.nodata import continued
 
-STANDS_OUT, OF_CONTRAST, ALONE = 4.0, 0.5, 0.9
+STANDS_OUT = 4.0
+"""|B| of a defect over its 90 % quantile: Gaussian noise reaches it in one pixel of 2·10⁵, and not in both frames."""
+OF_CONTRAST = 0.5
+"""|B| of a defect over the local standard deviation: less disturbs no more than the pattern does."""
+ALONE = 0.9
+"""|D| of a defect over |A|: particles of more than 1.9 px have less."""
+_REACH = 1  # tiles around one that say what is usual there
 _SWEEPS, _REPAIR_SWEEPS = 2, 8
 _STRIP = 64
 _RING = tuple((j, i) for j in range(-2, 3) for i in range(-2, 3) if max(abs(j), abs(i)) == 2)
+_NEXT, _DIAGONAL = ((-1, 0), (1, 0), (0, -1), (0, 1)), ((-1, -1), (-1, 1), (1, -1), (1, 1))
+_NEXT_BUT_ONE = ((-2, 0), (2, 0), (0, -2), (0, 2))
 
 
-@kernel
-def lone(image: NDArray[Any], y: int, x: int) -> float:
-    """B of a pixel that has eight neighbours."""
-    p, half = image[y, x], image.dtype.type(0.5)
-    a = p - (image[y, x - 1] + image[y, x + 1]) * half
-    b = p - (image[y - 1, x] + image[y + 1, x]) * half
-    c = p - (image[y - 1, x - 1] + image[y + 1, x + 1]) * half
-    d = p - (image[y - 1, x + 1] + image[y + 1, x - 1]) * half
-    return max(min(min(a, b), min(c, d)), 0.0) + min(max(max(a, b), max(c, d)), 0.0)
-
-
-@kernel
-def _sample_strip(image: NDArray[Any], start: int, stop: int, out: NDArray[Any]) -> None:
-    """|B| of every fourth pixel of every eighth row."""
-    for k in range(start, stop):
-        for n in range(out.shape[1]):
-            out[k, n] = abs(lone(image, 1 + 8 * k, 1 + 4 * n))
-
-
-@kernel
-def _find_strip(
-    image0: NDArray[Any], image1: NDArray[Any], level0: float, level1: float, start: int, stop: int,
-    found: NDArray[Any],
-) -> None:  # fmt: skip
-    """Mark pixels whose B exceeds the level in both images, with one sign."""
-    width, half = image0.shape[1], image0.dtype.type(0.5)
-    least0, least1 = image0.dtype.type(level0), image0.dtype.type(level1)
-    for y in range(start, stop):
-        row0, row1, out = image0[y], image1[y], found[y]
-        for x in range(1, width - 1):
-            a = row0[x] - (row0[x - 1] + row0[x + 1]) * half
-            b = row1[x] - (row1[x - 1] + row1[x + 1]) * half
-            out[x] = (abs(a) > least0) & (abs(b) > least1)
-        for x in range(1, width - 1):
-            if out[x]:
-                a, b = lone(image0, y, x), lone(image1, y, x)
-                out[x] = abs(a) > level0 and abs(b) > level1 and a * b > 0
-
-
-def _level(image: NDArray[Any]) -> float:
-    """|B| that stands out of a frame."""
+def _levels(image: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """|B| that stands out of each tile; shape (tile rows, tile columns), infinite where no pixel counts."""
     height, width = image.shape
-    sample = np.empty(((height + 5) // 8, (width + 1) // 4), image.dtype)
-    over_strips(lambda a, b: _sample_strip(image, a, b, sample), sample.shape[0], _STRIP)
-    level = float(np.quantile(sample, 0.9)) if sample.size else 0.0
-    return max(STANDS_OUT * level, OF_CONTRAST * float(image[::16].std()))
+    tiles = np.empty((2, -(-height // DEFECT_TILE), -(-width // DEFECT_TILE)))
+    over_strips(lambda a, b: tile_levels_strip(image, valid, a, b, tiles), tiles.shape[1], 1)
+    quantile, contrast = (median_around(plane, _REACH) for plane in tiles)
+    return np.nan_to_num(np.maximum(STANDS_OUT * quantile, OF_CONTRAST * contrast), nan=np.inf, posinf=np.inf)
 
 
-def defects(image0: NDArray[Any], image1: NDArray[Any]) -> NDArray[np.int64]:
-    """Rows and columns of the defective pixels of a pair; shape (2, pixels)."""
+def defects(
+    image0: NDArray[Any],
+    image1: NDArray[Any],
+    valid0: NDArray[np.uint8] = NO_MASK,
+    valid1: NDArray[np.uint8] = NO_MASK,
+) -> NDArray[np.int64]:
+    """Rows and columns of the defective pixels of a pair; shape (2, pixels).
+
+    Parameters
+    ----------
+    image0, image1 : float array, shape (height, width)
+        Continued where they have no value.
+    valid0, valid1 : uint8 array of the same shape, or `NO_MASK`
+        Which of their pixels count.
+    """
     height, width = image0.shape
-    found = np.zeros(image0.shape, np.bool_)
-    levels = _level(image0), _level(image1)
+    found, counted = np.zeros(image0.shape, np.bool_), both_valid(valid0, valid1)
+    levels = np.stack([_levels(image0, valid0), _levels(image1, valid1)])
     over_strips(
-        lambda a, b: _find_strip(image0, image1, *levels, max(a, 1), min(b, height - 1), found),
+        lambda a, b: find_lone_strip(image0, image1, levels, counted, max(a, 1), min(b, height - 1), found),
         height,
         _STRIP,
     )
@@ -108,22 +95,29 @@ def defects(image0: NDArray[Any], image1: NDArray[Any]) -> NDArray[np.int64]:
     return np.stack([y, x])
 
 
-def repaired(image: NDArray[Any], at: NDArray[np.int64]) -> NDArray[Any]:
-    """Copy of an image with new values at the pixels `at`, shape (2, pixels)."""
+def repaired(image: NDArray[Any], at: NDArray[np.int64], valid: NDArray[np.uint8] = NO_MASK) -> NDArray[Any]:
+    """Copy of an image with new values at the pixels `at`, shape (2, pixels), and continued where it is not valid."""
     y, x = at
     out = np.pad(image, 2, mode="reflect")
-    bad = np.zeros(out.shape, np.bool_)
-    bad[y + 2, x + 2] = True
-    stencil = [(j, i, 8.0) for j, i in ((-1, 0), (1, 0), (0, -1), (0, 1))]
-    stencil += [(j, i, -2.0) for j in (-1, 1) for i in (-1, 1)]
-    stencil += [(j, i, -1.0) for j, i in ((-2, 0), (2, 0), (0, -2), (0, 2))]
-    near = np.stack([out[y + 2 + j, x + 2 + i] for j in (-1, 0, 1) for i in (-1, 0, 1)])
-    spoilt = np.stack([bad[y + 2 + j, x + 2 + i] for j in (-1, 0, 1) for i in (-1, 0, 1)])
-    good = np.ma.median(np.ma.array(near, mask=spoilt), axis=0)
-    out[y + 2, x + 2] = np.ma.filled(good, np.ma.median(good) if len(y) else 0)
+    spoilt = np.zeros(out.shape, np.bool_)
+    if valid.size:
+        spoilt[2:-2, 2:-2] = valid == 0
+    spoilt[y + 2, x + 2] = True
+    near, bad = (
+        np.stack([a[y + 2 + j, x + 2 + i] for j in (-1, 0, 1) for i in (-1, 0, 1)]) for a in (out, spoilt)
+    )
+    good = np.ma.median(np.ma.array(near, mask=bad), axis=0)
+    out[y + 2, x + 2] = np.where(np.ma.getmaskarray(good), np.median(near, axis=0), np.ma.getdata(good))
+    if valid.size:  # what was continued from a defect
+        out[2:-2, 2:-2] = continued(out[2:-2, 2:-2], valid)
+
+    def around(places: tuple[tuple[int, int], ...]) -> NDArray[Any]:
+        return sum(out[y + 2 + j, x + 2 + i] for j, i in places)
+
     for _ in range(_REPAIR_SWEEPS):
-        out[y + 2, x + 2] = sum(w * out[y + 2 + j, x + 2 + i] for j, i, w in stencil) / 20
-    return np.ascontiguousarray(out[2:-2, 2:-2])
+        out[y + 2, x + 2] = (8 * around(_NEXT) - 2 * around(_DIAGONAL) - around(_NEXT_BUT_ONE)) / 20
+    inner = np.ascontiguousarray(out[2:-2, 2:-2])
+    return continued(inner, valid) if valid.size else inner
 
 
 def without_defects(reference: Frame, moved: Frame) -> tuple[Frame, Frame, int]:
@@ -141,14 +135,14 @@ def without_defects(reference: Frame, moved: Frame) -> tuple[Frame, Frame, int]:
     """
     if min(reference.image.shape) < 3:
         return reference, moved, 0
-    images, count = [reference.image, moved.image], 0
+    images = [reference.image, moved.image]
     places = np.empty((2, 0), np.int64)
-    for _ in range(_SWEEPS):
-        found = defects(images[0], images[1])
+    for _ in range(_SWEEPS):  # beside one that stands out far, others are found once it is gone
+        found = defects(images[0], images[1], reference.valid, moved.valid)
         if not found.size:
             break
         places = np.unique(np.concatenate([places, found], axis=1), axis=1)
-        images = [repaired(frame.image, places) for frame in (reference, moved)]
+        images = [repaired(frame.image, places, frame.valid) for frame in (reference, moved)]
     count = places.shape[1]
     if not count:
         return reference, moved, 0

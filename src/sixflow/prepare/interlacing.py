@@ -33,6 +33,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.prepare.frame import NO_MASK
+
 TILE = 64
 """Side of a tile, px: a multiple of 8, so that the harmonics of blocks fall on single frequencies."""
 
@@ -48,13 +50,15 @@ _HARMONICS = [TILE // 4, 3 * TILE // 8]
 _BELOW = [k for k in range(TILE // 4 + 1, _NYQUIST - 1) if abs(k - _HARMONICS[1]) > 1]
 
 
-def is_interlaced(image: NDArray[Any]) -> bool:
+def is_interlaced(image: NDArray[Any], valid: NDArray[np.uint8] = NO_MASK) -> bool:
     """Whether the content of a frame shows that its even and odd rows do not belong together.
 
     Parameters
     ----------
     image : array, shape (h, w)
         Finite grey values. Frames of less than 65 rows or 80 columns are not judged: False.
+    valid : uint8 array of the same shape, or `NO_MASK`
+        Which pixels count; the others are taken for the mean of their row.
 
     Examples
     --------
@@ -66,13 +70,13 @@ def is_interlaced(image: NDArray[Any]) -> bool:
     >>> is_interlaced(frame)
     True
     """
-    found = _line(image)
+    found = _line(image, valid)
     if found is None:
         return False
     power, deviations, harmonics = found
     if power < LEAST or deviations < DEVIATIONS or power < OVER_HARMONICS * harmonics:
         return False
-    columns = _line(image.T)
+    columns = _line(image.T, valid.T)
     return columns is None or power > OVER_COLUMNS * columns[0]
 
 
@@ -82,12 +86,12 @@ class InterlacingCheck:
     def __init__(self) -> None:
         self._left = _LOOKS
 
-    def notes(self, image: NDArray[Any], name: str) -> tuple[str, ...]:
+    def notes(self, image: NDArray[Any], name: str, valid: NDArray[np.uint8] = NO_MASK) -> tuple[str, ...]:
         """Return a note where a frame is interlaced; nothing once it was told, or the first frames were not."""
         if self._left <= 0:
             return ()
         self._left -= 1
-        if not is_interlaced(image):
+        if not is_interlaced(image, valid):
             return ()
         self._left = 0
         return (
@@ -96,9 +100,9 @@ class InterlacingCheck:
         )
 
 
-def _line(image: NDArray[Any]) -> tuple[float, float, float] | None:
+def _line(image: NDArray[Any], valid: NDArray[np.uint8]) -> tuple[float, float, float] | None:
     """Power at half a cycle per row over that below it, its standard deviations above 1, and the power at harmonics."""
-    powers = _powers(image)
+    powers = _powers(image, valid)
     level = powers[:, _BELOW].mean(axis=1)
     powers = powers[level > 0] / level[level > 0, None]
     count = len(powers)
@@ -111,7 +115,7 @@ def _line(image: NDArray[Any]) -> tuple[float, float, float] | None:
     return power, (power - 1) / max(float(deviation), 1e-12), float(powers[:, _HARMONICS].mean(axis=0).max())
 
 
-def _powers(image: NDArray[Any]) -> NDArray[np.float64]:
+def _powers(image: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Spectra along y of the products of neighbouring rows, summed over their shifts, shape (tiles, TILE/2 + 1)."""
     height, width = image.shape
     corners = [
@@ -122,8 +126,14 @@ def _powers(image: NDArray[Any]) -> NDArray[np.float64]:
     spectra = np.zeros((len(spread), _NYQUIST + 1))
     for number, corner in enumerate(spread):
         y, x = corners[corner]
-        part = image[y : y + TILE + 1, x - REACH : x + TILE + REACH].astype(np.float32)
-        part -= part.mean(axis=1, keepdims=True)
+        place = slice(y, y + TILE + 1), slice(x - REACH, x + TILE + REACH)
+        part = image[place].astype(np.float32)
+        if valid.size:
+            counted = valid[place].astype(np.float32)
+            total = np.maximum(counted.sum(axis=1, keepdims=True), 1)
+            part = counted * (part - (counted * part).sum(axis=1, keepdims=True) / total)
+        else:
+            part -= part.mean(axis=1, keepdims=True)
         shifted = np.lib.stride_tricks.sliding_window_view(part[1:], TILE, axis=1)[:, ::2]
         products = np.einsum("yx,ysx->ys", part[:-1, REACH:-REACH], shifted)
         products -= products.mean(axis=0)

@@ -1,19 +1,20 @@
 """Lighting: whether the light changed between two frames, and what is done about it.
 
-Contrast (standard deviation) and brightness (mean) of whole frames tell a lamp that flickers or a camera that drifts.
-Both also change when something enters or leaves the frame. So `lighting="auto"` takes the zero-normalised criterion
-where they changed, and keeps it if the windows that were matched have changed too.
+Contrast (standard deviation) and brightness (mean) of all pixels that count tell a lamp that flickers or a camera that
+drifts. Both also change when something enters or leaves the frame. So `lighting="auto"` takes the zero-normalised
+criterion where they changed, and keeps it if the windows that were matched have changed too.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.prepare.frame import Frame
 from sixflow.settings import Settings
 
 CONTRAST, BRIGHTNESS = 0.05, 0.1
@@ -22,16 +23,30 @@ MATCHED = 0.02
 """The same of both, for matched windows: what is let pass is less than noise of a fiftieth of the contrast."""
 
 
-class Lit(Protocol):
-    """A frame whose mean and standard deviation are known, grey."""
+class Light(NamedTuple):
+    """Mean and standard deviation of the pixels of a frame that count, grey."""
 
-    @property
-    def mean(self) -> float:
-        """Mean of the pixels that count."""
+    mean: float
+    spread: float
 
-    @property
-    def spread(self) -> float:
-        """Their standard deviation."""
+    @classmethod
+    def of(cls, frame: Frame, scale: float = 1.0) -> Light:
+        """That of every fourth pixel of every fourth row that counts, or of all if none of these does.
+
+        Parameters
+        ----------
+        frame : Frame
+        scale : float
+            Of its image.
+        """
+        sample = frame.image[::4, ::4]
+        if frame.valid.size:
+            counted = frame.valid.astype(np.bool_)
+            sample = sample[counted[::4, ::4]]
+            sample = sample if sample.size else frame.image[counted]
+        if not sample.size:
+            return cls(0.0, 0.0)
+        return cls(float(sample.mean()) / scale, float(sample.std()) / scale)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,13 +58,12 @@ class Change:
     seen: bool
 
     @classmethod
-    def between(cls, reference: Lit, moved: Lit) -> Change:
+    def between(cls, reference: Light, moved: Light) -> Change:
         """Compare two frames.
 
         Examples
         --------
-        >>> from types import SimpleNamespace as Frame
-        >>> Change.between(Frame(mean=100, spread=40), Frame(mean=102, spread=41))
+        >>> Change.between(Light(mean=100, spread=40), Light(mean=102, spread=41))
         Change(gain=1.025, offset=2, seen=False)
         """
         offset = moved.mean - reference.mean

@@ -32,14 +32,15 @@ from sixflow.convention import SIX
 from sixflow.convention.flags import FLAGS
 from sixflow.errors import BadFrameError, InputError, SixflowError
 from sixflow.frames.bad import BadFrame
-from sixflow.judge.flags import fill_failed
 from sixflow.maps.motion import Motion
+from sixflow.maps.neighbours import fill_failed
 from sixflow.maps.placing import leaves
 from sixflow.masks import AnyBodies, Masks
-from sixflow.pair.bodies import Start
-from sixflow.pair.result import PairResult, Prepared
+from sixflow.pair.result import PairResult
 from sixflow.pair.session import Session
+from sixflow.pair.start import Start
 from sixflow.pair.unmeasured import Tried, try_frame, try_pair
+from sixflow.prepare.prepare import Prepared
 from sixflow.recording.schedule import Recording
 from sixflow.recording.trajectory import carried, composed
 
@@ -235,7 +236,7 @@ class Follower:
         if stage.valid is None or stage.start is None:
             return False
         places = fill_failed(stage.start.maps, grid.step)
-        asked = stage.valid & ~leaves(places, grid, shape, "first", self.session.settings.window / 2)
+        asked = stage.valid & ~leaves(places, grid, shape, "first", self.session.plan.window.size / 2)
         return bool(step.motion.valid[asked].mean() < LOST) if asked.any() else False
 
     def _step(self, stage: Stage, place: int, frame: Tried) -> PairResult:

@@ -48,9 +48,9 @@ from sixflow.convention import (
 )
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.engine.hermite import HermiteSurface
-from sixflow.judge.flags import fill_failed
 from sixflow.maps.grid import Grid
 from sixflow.maps.motion import Motion
+from sixflow.maps.neighbours import fill_failed
 from sixflow.maps.placing import placed, surface_of
 from sixflow.masks import Bodies
 

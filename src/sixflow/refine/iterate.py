@@ -1,39 +1,45 @@
-"""Refine: passes at full resolution until the points stay, to the noise limit."""
+"""Iterate: passes at full resolution until the points stay, to the noise limit."""
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.judge.flags import TYPICAL_SHARE, settle, typical
-from sixflow.refine.passes import Passes
-from sixflow.refine.quality import Quality
+from sixflow.maps.grid import Grid
+from sixflow.maps.neighbours import TYPICAL_SHARE, settle, typical
+from sixflow.maps.restriction import with_shared_gradients
+from sixflow.plan import Plan
+from sixflow.refine.problem import Pass, PixelWeights, Problem, State
 from sixflow.refine.sharpen import sharpen
+from sixflow.refine.solution import Solution
 
-NEAR = 0.2  # px: residuals of points so close to where they end tell foreign pixels
-WEIGHED_PASSES = 2  # weighed passes over the limit of ordinary ones: they converge more slowly
-WEIGHED_SHARE = (
-    0.995  # of the points that have to stay where pixels are weighed: the last ones are those in doubt
-)
-EXPLAINED = 0.01  # share of the residual's power that a last pass may still take out
+NEAR = 0.2
+"""px: residuals of points so close to where they end tell outlying pixels."""
+WEIGHED_PASSES = 2
+"""Weighed passes over the limit of ordinary ones: they converge more slowly."""
+WEIGHED_SHARE = 0.995
+"""Of the points that have to stay where pixels are weighed: the last ones are those in doubt."""
+EXPLAINED = 0.01
+"""Share of the residual's power that a last pass may still take out."""
+LONG_TAIL = 1.3
+"""Mean square residual over that of a Gaussian of the same mean size: outlying pixels (noise: ± 0.03)."""
+
+Array = NDArray[Any]
 
 
-def refine(
-    passes: Passes, start: NDArray[Any], *, sharpened: bool = False
-) -> tuple[NDArray[Any], Quality, NDArray[Any]]:
+def refine(problem: Problem, start: Array, *, sharpened: bool = False) -> Solution:
     """Passes in total form until the points stay, then sharpening passes.
 
-    A pass brings a point close to its fixed point at once. What is left is the update times the rate at
-    which passes contract: the noise's share of the normal matrix, or a few percent where that is less
-    (`Passes.contraction`). The passes end when this is below the tolerance and the
-    last update no longer changed the residual, from which the covariance is taken. If the residual then shows
-    pixels that do not belong (`Passes.distrust`), further passes give these little weight.
+    A pass brings a point close to its fixed point at once; `Pass.left` is what remains. The passes end when this is
+    below the tolerance and the last update no longer changed the residual, from which the covariance is taken. If the
+    residual then shows outlying pixels, further passes down-weight them.
 
     Parameters
     ----------
-    passes : Passes
+    problem : Problem
     start : float64 array, shape (6, rows, columns)
         Without NaN.
     sharpened : bool
@@ -41,43 +47,69 @@ def refine(
 
     Returns
     -------
-    maps : float64 array, shape (6, rows, columns)
-        NaN where the equations of the last pass were singular.
-    quality : Quality
-    left : float64 array, shape (rows, columns)
-        How far each point may still be from its fixed point, px.
+    Solution
+        Not yet judged.
     """
-    settings, step = passes.settings, passes.grid.step
-    maps, left = start, np.full(passes.grid.shape, np.inf)
-    passes.begin()
+    plan = problem.plan
     if sharpened:
-        passes.solve(maps, total=False)
-        passes.distrust()
-    done = 0
-    while not sharpened and done < settings.passes * (WEIGHED_PASSES if passes.robust else 1):
-        filled = maps
-        if done or passes.robust:
-            filled = passes.dense(maps)
-            if (
-                passes.robust
-            ):  # what foreign pixels leave without texture wanders, and would take its neighbours along
-                filled = np.where(passes.measurable(), filled, np.nan)
-            filled = settle(filled, step, settings.window, curved=passes.robust)
-        maps = passes.solve(filled)
+        found = problem.step(start, State(), total=False)
+        state = with_pixel_weights(plan, found)
+        left = np.full(problem.grid.shape, np.inf)
+        return sharpen(problem, start, left, state or found.state, found.measurable, sharpened=True)
+    found = _settled(problem, start)
+    if not plan.window.sharpen:
+        return problem.solution(found, found.maps, found.left)
+    return sharpen(problem, found.maps, found.left, found.state, found.measurable)
+
+
+def _settled(problem: Problem, start: Array) -> Pass:
+    """The last of the passes in total form, with what the covariance needs."""
+    plan, state, maps = problem.plan, State(), start
+    done, most = 0, plan.passes
+    while True:
+        last = done > 0 or most == 1  # a first pass is seldom the last
+        found = problem.step(maps, state, last=last)
         done += 1
-        update = np.hypot(maps[0] - filled[0], maps[1] - filled[1])
-        left = update * passes.contraction()
-        if (done > 1 or typical(update) < NEAR) and passes.distrust():
-            done = 0
-            continue
-        most = typical(
-            np.where(passes.measurable(), left, np.nan), WEIGHED_SHARE if passes.robust else TYPICAL_SHARE
-        )
-        if most < settings.tolerance and passes.explained() < EXPLAINED:
-            if passes.changing and (left[passes.measurable()] > 2 * settings.tolerance).any():
-                continue  # what is in doubt stays once the weights do
-            break
-    if not settings.sharpen:
-        return maps, passes.quality(), left
-    fine = sharpen(passes, maps, left, sharpened=sharpened)
-    return fine.maps, passes.quality(settings.sharpen, fine.held), fine.left
+        weighed = with_pixel_weights(plan, found) if done > 1 or typical(found.moved) < NEAR else None
+        if weighed is not None:
+            state, done, most = weighed, 0, plan.passes * WEIGHED_PASSES
+        elif done >= most or _stays(plan, found):
+            return found if last else problem.step(maps, state, last=True)
+        else:
+            state = found.state
+        maps = _filled(problem, found, weighed=state.weights is not None)
+
+
+def _stays(plan: Plan, found: Pass) -> bool:
+    """Whether more passes would change nothing that matters."""
+    known = np.where(found.measurable, found.left, np.nan)
+    most = typical(known, WEIGHED_SHARE if found.weighed else TYPICAL_SHARE)
+    if most >= plan.tolerance or found.explained >= EXPLAINED:
+        return False
+    # what is in doubt stays once the weights do
+    return not (found.changing and bool((known > 2 * plan.tolerance).any()))
+
+
+def _filled(problem: Problem, found: Pass, *, weighed: bool) -> Array:
+    """What the next pass begins with: no NaN, and no point that contradicts its neighbours."""
+    maps = dense(found.maps, problem.plan, problem.grid)
+    if weighed:  # what outlying pixels leave without texture wanders, and would take its neighbours along
+        maps = np.where(found.measurable, maps, np.nan)
+    return settle(maps, problem.grid.step, problem.plan.window.size, curved=weighed)
+
+
+def with_pixel_weights(plan: Plan, found: Pass) -> State | None:
+    """The state in which outlying pixels are down-weighted, if a pass shows the first of them."""
+    tail = found.statistics.tail
+    if found.weighed or not plan.robust or tail is None:
+        return None
+    # fewer pixels are independent after a low-pass, and chance makes longer tails
+    longest = 1 + (LONG_TAIL - 1) * max(1.0, plan.lowpass)
+    if not (tail > longest).any():
+        return None
+    return dataclasses.replace(found.state, weights=PixelWeights(None, None, 0, found.statistics.weight))
+
+
+def dense(maps: Array, plan: Plan, grid: Grid) -> Array:
+    """Maps that fit together to a dense field: those of a smaller group share the gradients of their displacements."""
+    return maps if plan.group == "affine" else with_shared_gradients(maps, grid.step)

@@ -28,7 +28,7 @@ covariance is that of the coarser,
 
 | symbol | name |
 |---|---|
-| θ_i, C_i, P_i | `Level.maps`, `Level.quality.covariance`, `Level.period` |
+| θ_i, C_i, P_i | `Solution.maps`, `Solution.covariance`, `Window.period` |
 | f_ij | `difference_noise` |
 | R_j | `risks` |
 """
@@ -45,17 +45,11 @@ import scipy
 from numpy.typing import NDArray
 
 from sixflow.convention import SIX_FROM_GRADIENT
-from sixflow.convention.flags import FAILING
 from sixflow.engine.response import response
-from sixflow.engine.window import attenuation_period
 from sixflow.maps.grid import Grid
-from sixflow.refine.quality import Quality
-from sixflow.settings import Settings
+from sixflow.plan import Window
+from sixflow.refine.solution import Solution
 
-LADDER = (8, 11, 16, 22, 31, 44, 62)
-"""px"""
-SEARCHED = 31
-SHARPEN = 2
 FINER = 3
 """How many of the next finer windows are taken at their word."""
 DOUBTED = 2.0
@@ -66,58 +60,6 @@ ALLOWED = 2.0
 """z: standard deviations that the mean square of noise may exceed its expectation by."""
 
 Array = NDArray[Any]
-
-
-@dataclasses.dataclass(frozen=True)
-class Level:
-    """What one window of the ladder measured; arrays as from `refine.refine`, flags as from `validate.flag_points`."""
-
-    settings: Settings
-    maps: Array
-    quality: Quality
-    left: Array
-    flag: NDArray[np.uint16]
-
-    @property
-    def period(self) -> float:
-        """Period attenuated by 10 %, px."""
-        return attenuation_period(self.settings.sigma, self.settings.sharpen)
-
-    @property
-    def usable(self) -> NDArray[np.bool_]:
-        """Points that did not fail."""
-        return (self.flag & FAILING) == 0
-
-    def variances(self) -> tuple[Array, Array]:
-        """Of the displacement and of the gradient, with what passes may have left; NaN where not known."""
-        variance = np.diagonal(self.quality.covariance, axis1=-2, axis2=-1).astype(np.float64)
-        left = np.where(np.isfinite(self.left), self.left, 0.0) ** 2
-        return variance[..., :2].sum(axis=-1) + left, variance[..., 2:].sum(
-            axis=-1
-        ) + left / self.settings.sigma**2
-
-
-def ladder(settings: Settings, shape: tuple[int, int]) -> list[Settings]:
-    """Return the settings of each window, from fine to coarse: those of which a frame holds two, and the smallest.
-
-    Parameters
-    ----------
-    settings : Settings
-        With `window="auto"`; its `sharpen`, or 2 where that is 0, holds for every window.
-    shape : (int, int)
-        Height and width of the frames, px.
-    """
-    windows = [window for window in LADDER if window <= min(shape) / 2] or [LADDER[0]]
-    sharpen = settings.sharpen or SHARPEN
-    return [settings.replace(window=window, sharpen=sharpen) for window in windows]
-
-
-def search_settings(settings: Settings, shape: tuple[int, int]) -> Settings:
-    """Return the settings with the window that a search takes, where it is "auto": 31 px, or what a frame holds."""
-    if settings.window != "auto":
-        return settings
-    fitting = [window for window in LADDER if window <= min(min(shape), SEARCHED)]
-    return settings.replace(window=max(fitting, default=LADDER[0]))
 
 
 @cache
@@ -146,37 +88,42 @@ def difference_noise(ratio: float, sharpen: int) -> tuple[float, float]:
     return parts[0], parts[1]
 
 
-def risks(levels: list[Level], grid: Grid) -> Array:
+def risks(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) -> Array:
     """Product of the expected squared errors of displacement and gradient; (levels, rows, columns), inf where unusable.
 
     Parameters
     ----------
-    levels : list of Level
-        From fine to coarse.
+    levels : list of Solution
+        From fine to coarse, judged.
+    windows : tuple of Window
+        That they were measured with.
     grid : Grid
     """
     six = [np.tensordot(SIX_FROM_GRADIENT, level.maps, axes=1) for level in levels]
-    variances = [level.variances() for level in levels]
+    variances = [_variances(level, window) for level, window in zip(levels, windows, strict=True)]
+    usable = np.stack([~level.failed for level in levels])
     product = np.ones((len(levels), *grid.shape))
     for kind, place in enumerate((slice(0, 2), slice(2, 6))):
-        count = place.stop - place.start
-        for j, coarse in enumerate(levels):
+        for j, coarse in enumerate(windows):
             reach = SPREAD * coarse.period / grid.step
             bias = np.zeros(grid.shape)
-            for i, fine in enumerate(levels[:j]):
-                both = fine.usable & coarse.usable
-                seen = ((six[j][place] - six[i][place]) ** 2).sum(axis=0)
-                share = difference_noise(
-                    coarse.settings.window / fine.settings.window, fine.settings.sharpen
-                )[kind]
+            for i, fine in enumerate(windows[:j]):
+                both = usable[i] & usable[j]
+                difference = ((six[j][place] - six[i][place]) ** 2).sum(axis=0)
+                share = difference_noise(coarse.size / fine.size, fine.sharpen)[kind]
                 noise = _mean(share * variances[i][kind], both, reach)
-                independent = count * (2 * math.pi * SPREAD * coarse.period / fine.period) ** 2
+                independent = (2, 4)[kind] * (2 * math.pi * SPREAD * coarse.period / fine.period) ** 2
                 allowed = (1 + ALLOWED * math.sqrt(2 / independent)) * (1 if j - i <= FINER else DOUBTED)
-                excess = _mean(seen, both, reach) - allowed * noise
-                bias = np.fmax(bias, excess)
-            product[j] *= _mean(variances[j][kind], coarse.usable, reach) + bias
-    usable = np.stack([level.usable for level in levels])
+                bias = np.fmax(bias, _mean(difference, both, reach) - allowed * noise)
+            product[j] *= _mean(variances[j][kind], usable[j], reach) + bias
     return np.where(usable & np.isfinite(product), product, np.inf)
+
+
+def _variances(level: Solution, window: Window) -> tuple[Array, Array]:
+    """Of the displacement and of the gradient, with what passes may have left; NaN where not known."""
+    variance = np.diagonal(level.covariance, axis1=-2, axis2=-1).astype(np.float64)
+    left = np.where(np.isfinite(level.left), level.left, 0.0) ** 2
+    return variance[..., :2].sum(axis=-1) + left, variance[..., 2:].sum(axis=-1) + left / window.sigma**2
 
 
 def _mean(values: Array, known: NDArray[np.bool_], reach: float) -> Array:
@@ -188,62 +135,60 @@ def _mean(values: Array, known: NDArray[np.bool_], reach: float) -> Array:
         return np.where(weight > 1e-6, total / weight, np.nan)
 
 
-@dataclasses.dataclass(frozen=True)
-class Chosen:
-    """The field made of the levels; `window` and `period` in px, shape (rows, columns)."""
-
-    maps: Array
-    quality: Quality
-    flag: NDArray[np.uint16]
-    window: Array
-    period: Array
-
-
-def choose(levels: list[Level], grid: Grid) -> Chosen:
+def choose(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) -> Solution:
     """Blend the windows about the one of least risk.
 
     A point where no window is usable takes the flags of the coarsest.
 
     Parameters
     ----------
-    levels : list of Level
-        From fine to coarse, on one grid.
+    levels : list of Solution
+        From fine to coarse, on one grid, judged.
+    windows : tuple of Window
+        That they were measured with.
     grid : Grid
     """
-    risk = risks(levels, grid)
+    mix = _mix(levels, windows, grid)
+    covariances = np.stack([level.covariance for level in levels])
+    rows, columns = np.indices(grid.shape)
+    a, b = covariances[mix.fine, rows, columns], covariances[mix.coarse, rows, columns]
+    weight = mix.t[..., None, None]
+    statistics = {
+        name: mix.of(np.stack([getattr(level.statistics, name) for level in levels]))
+        for name in ("weight", "noise", "residual", "left", "noise_gradient", "texture", "rho")
+    }
+    nearest = np.where(mix.t < 0.5, mix.fine, mix.coarse)
+
+    def between(name: str) -> Array:
+        return np.exp(mix.of(np.log(np.stack([getattr(level, name) for level in levels]))))
+
+    coarsest = levels[-1]
+    return Solution(
+        maps=np.stack([mix.of(np.stack([level.maps[k] for level in levels])) for k in range(6)]),
+        covariance=((1 - weight) ** 2 * a + weight * (2 - weight) * b).astype(covariances.dtype),
+        statistics=dataclasses.replace(coarsest.statistics, **statistics),
+        left=mix.of(np.stack([level.left for level in levels])),
+        window=between("window"),
+        period=between("period"),
+        flag=np.stack([level.flag for level in levels])[nearest, rows, columns],
+        light=coarsest.light,
+        lighting=coarsest.lighting,
+    )
+
+
+def _mix(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) -> _Mix:
+    """Which two levels are blended at every point, and how."""
+    risk = risks(levels, windows, grid)
     best = np.where(np.isfinite(risk).any(axis=0), risk.argmin(axis=0), len(levels) - 1)
-    height = _smooth(best, levels, grid)
-    usable = np.stack([level.usable for level in levels])
+    height = _smooth(best, windows, grid)
+    usable = np.stack([~level.failed for level in levels])
     fine = _nearest(usable, np.floor(height).astype(int), upwards=False)
     coarse = _nearest(usable, np.ceil(height).astype(int), upwards=True)
     fine, coarse = np.where(fine < 0, coarse, fine), np.where(coarse < 0, fine, coarse)
     fine, coarse = np.where(fine < 0, best, fine), np.where(coarse < 0, best, coarse)
     with np.errstate(invalid="ignore", divide="ignore"):
         t = np.where(coarse > fine, np.clip((height - fine) / (coarse - fine), 0, 1), 0.0)
-    nearest = np.where(t < 0.5, fine, coarse)
-    mix = _Mix(fine, coarse, t)
-    covariances = np.stack([level.quality.covariance for level in levels])
-    rows, columns = np.indices(grid.shape)
-    a, b = covariances[fine, rows, columns], covariances[coarse, rows, columns]
-    weight = t[..., None, None]
-
-    def mixed(name: str) -> Array:
-        return mix.of(np.stack([getattr(level.quality, name) for level in levels]))
-
-    quality = dataclasses.replace(
-        levels[-1].quality,
-        covariance=((1 - weight) ** 2 * a + weight * (2 - weight) * b).astype(covariances.dtype),
-        texture=mixed("texture"),
-        weight=mixed("weight"),
-        residual=mixed("residual"),
-        noise=mixed("noise"),
-    )
-    sizes = np.log([level.settings.window for level in levels])
-    window = np.exp((1 - t) * sizes[fine] + t * sizes[coarse])
-    scale = levels[0].period / levels[0].settings.window
-    maps = np.stack([mix.of(np.stack([level.maps[k] for level in levels])) for k in range(6)])
-    flag = np.stack([level.flag for level in levels])[nearest, rows, columns]
-    return Chosen(maps, quality, flag, window, scale * window)
+    return _Mix(fine, coarse, t)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -262,13 +207,13 @@ class _Mix:
         return np.where(self.t == 0, a, np.where(self.t == 1, b, between))
 
 
-def _smooth(best: NDArray[np.intp], levels: list[Level], grid: Grid) -> Array:
+def _smooth(best: NDArray[np.intp], windows: tuple[Window, ...], grid: Grid) -> Array:
     """Mean level about every point, each level over a quarter of its period."""
     shares = [
         scipy.ndimage.gaussian_filter(
-            (best == k).astype(np.float64), level.period / 4 / grid.step, mode="nearest"
+            (best == k).astype(np.float64), window.period / 4 / grid.step, mode="nearest"
         )
-        for k, level in enumerate(levels)
+        for k, window in enumerate(windows)
     ]
     return np.sum([k * share for k, share in enumerate(shares)], axis=0) / np.sum(shares, axis=0)
 

@@ -21,27 +21,23 @@ of passes does not depend on n. Windows that are cut by a border or a mask are c
 | M | `UniformWindow.fit` |
 | Q | `UniformWindow.deconvolve` |
 | U | maps, blended |
-| Δ | `Passes.solve(maps, total=False) − maps` |
+| Δ | `Problem.step(maps, …, total=False).maps − maps` |
 """
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.blend import blend_strip, twist_of
-from sixflow.engine.moments import affine_moments_strip
 from sixflow.engine.response import quotient
-from sixflow.engine.threads import over_strips
-from sixflow.engine.window import moment_weights, plain_window
-from sixflow.judge.flags import settle, typical
 from sixflow.maps.grid import Grid
-from sixflow.refine.passes import Passes
+from sixflow.maps.neighbours import fill_failed, settle, typical
+from sixflow.refine.problem import Problem, State
+from sixflow.refine.solution import Solution
+from sixflow.refine.windows import motion_sums
 
-_STRIP = 16
 SHARPEN_PASSES = 8
 _HELD = 1 / 8  # of a whole stride
 _STANDS = 0.005  # px: passes that stop coming nearer than this have not diverged, whatever the tolerance
@@ -76,26 +72,19 @@ class UniformWindow:
         first_x, first_y = grid.x0 % spacing, grid.y0 % spacing
         self.grid, self.sigma, self.spacing = grid, sigma, spacing
         self.counted = np.ascontiguousarray(counted[first_y::spacing, first_x::spacing]).astype(np.float64)
-        self.place = (grid.x0 // spacing, grid.y0 // spacing, grid.step // spacing)
-        self.weights = moment_weights(sigma / spacing)
+        self.place = Grid(
+            grid.x0 // spacing, grid.y0 // spacing, grid.step // spacing, grid.columns, grid.rows
+        )
 
     def fit(self, maps: NDArray[Any]) -> NDArray[np.float64]:
         """M U: the affine fits of the blend of `maps`; shape (6, rows, columns).
 
         A point with too little of its window left for a fit keeps its map.
         """
-        grid, h = self.grid, self.spacing
-        lattice = maps.copy()
+        h = self.spacing
+        lattice = maps.astype(np.float64)
         lattice[2:] *= h  # per lattice spacing
-        u, v = np.empty_like(self.counted), np.empty_like(self.counted)
-        twist = twist_of(lattice, self.place[2])
-        over_strips(lambda a, b: blend_strip(lattice, twist, *self.place, a, b, u, v), u.shape[0], 4 * _STRIP)
-        sums = np.empty((*grid.shape, 12))
-        over_strips(
-            lambda a, b: affine_moments_strip(self.counted, u, v, self.weights, self.place, a, b, sums),
-            grid.rows,
-            _STRIP,
-        )
+        sums = motion_sums(self.counted, lattice, self.place, self.sigma / h)
         m = np.moveaxis(sums, -1, 0)
         fitted = maps.astype(np.float64)
         # Cramer's rule for the symmetric matrix of (1, X, Y)
@@ -129,26 +118,15 @@ class UniformWindow:
         return total
 
 
-@dataclasses.dataclass(frozen=True)
-class Sharpened:
-    """What sharpening passes found.
-
-    Attributes
-    ----------
-    maps : float64 array, shape (6, rows, columns)
-        NaN where the last pass failed.
-    left : float64 array, shape (rows, columns)
-        How far each point may still be from its fixed point, px.
-    held : bool array, shape (rows, columns)
-        Points that were left as they were.
-    """
-
-    maps: NDArray[Any]
-    left: NDArray[Any]
-    held: NDArray[np.bool_]
-
-
-def sharpen(passes: Passes, maps: NDArray[Any], left: NDArray[Any], *, sharpened: bool = False) -> Sharpened:
+def sharpen(
+    problem: Problem,
+    maps: NDArray[Any],
+    left: NDArray[Any],
+    state: State,
+    measurable: NDArray[np.bool_],
+    *,
+    sharpened: bool = False,
+) -> Solution:
     """Sharpening passes until the points stay, with shorter strides for those that do not come nearer.
 
     Where the texture fills a part of the window alone, P is as large as M, and Q P may make passes diverge. A point
@@ -156,42 +134,50 @@ def sharpen(passes: Passes, maps: NDArray[Any], left: NDArray[Any], *, sharpened
 
     Parameters
     ----------
-    passes : Passes
-        After a pass; points that this found without texture take no part, and are filled from their neighbours.
+    problem : Problem
     maps : float64 array, shape (6, rows, columns)
-        What that pass found, or a field.
+        What a pass in total form found, or a field.
     left : float64 array, shape (rows, columns)
         How far those may be from their fixed points, px.
+    state : State
+        After that pass.
+    measurable : bool array, shape (rows, columns)
+        Points that it found texture at; the others take no part, and are filled from their neighbours.
     sharpened : bool
         `maps` is a field, which another window measured with sharpening. Then nothing is known to hold points at,
         and those that do not settle stay with what they have left.
+
+    Returns
+    -------
+    Solution
+        Not yet judged; NaN where the last pass failed.
     """
-    settings, step = passes.settings, passes.grid.step
-    window = UniformWindow(passes.grid, settings.sigma, passes.counted())
-    reach = plain_window(settings.window, settings.sharpen)
-    measurable = passes.measurable()
-    maps = plain = settle(np.where(measurable, maps, np.nan), step, settings.window)
+    plan, step, window = problem.plan, problem.grid.step, problem.plan.window
+    uniform = UniformWindow(problem.grid, window.sigma, problem.counted(fill_failed(maps, step), state))
+    maps = plain = settle(np.where(measurable, maps, np.nan), step, window.size)
     if not sharpened:
-        maps = window.deconvolve(maps, settings.sharpen)
-    far = max(settings.tolerance, _STANDS)
-    known, held = left, np.zeros(passes.grid.shape, np.bool_)
-    stride, before = np.ones(passes.grid.shape), np.full(passes.grid.shape, np.inf)
+        maps = uniform.deconvolve(maps, window.sharpen)
+    far = max(plan.tolerance, _STANDS)
+    known, held = left, np.zeros(problem.grid.shape, np.bool_)
+    stride, before = np.ones(problem.grid.shape), np.full(problem.grid.shape, np.inf)
     for _ in range(SHARPEN_PASSES):
-        increment = passes.solve(maps, total=False) - maps
+        found = problem.step(maps, state, total=False, last=True)
+        state, increment = found.state, found.maps - maps
         failed = np.isnan(increment).any(axis=0) | ~measurable
-        aim = window.deconvolve(window.fit(maps) + np.where(failed, 0, increment), settings.sharpen)
+        aim = uniform.deconvolve(uniform.fit(maps) + np.where(failed, 0, increment), window.sharpen)
         distance = np.where(failed, np.nan, np.hypot(aim[0] - maps[0], aim[1] - maps[1]))
         with np.errstate(invalid="ignore"):
             stride[(distance > 0.7 * before) & (distance > far)] /= 2
         if not sharpened:
             held |= stride <= _HELD
-        moved = settle(np.where(measurable, maps + stride * (aim - maps), np.nan), step, reach)
+        moved = settle(np.where(measurable, maps + stride * (aim - maps), np.nan), step, window.resolving)
         maps = np.where(held, plain, moved)
         left, before = distance * np.where(stride == 1, SHARPENED, 1.0), distance
-        if typical(np.where(held, np.nan, left)) < settings.tolerance:
+        if typical(np.where(held, np.nan, left)) < plan.tolerance:
             break
     if not sharpened:
         with np.errstate(invalid="ignore"):
             held |= left > 2 * far
     left = np.where(held & ~np.isnan(left), known, left)
-    return Sharpened(np.where(np.isnan(left), np.nan, np.where(held, plain, maps)), left, held)
+    maps = np.where(np.isnan(left), np.nan, np.where(held, plain, maps))
+    return problem.solution(found, maps, left, sharpened=True, held=held)

@@ -11,14 +11,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.judge.flags import MINIMUM_WEIGHT, fill_failed
-from sixflow.search.growth import Judged, Scene
+from sixflow.maps.neighbours import fill_failed
+from sixflow.refine.problem import MINIMUM_WEIGHT
+from sixflow.refine.solution import Solution
+from sixflow.search.growth import Scene
 
 ROUNDS = 4
 MOST = 0.3  # share of the points in doubt beyond which the others are too few to predict
 
 
-def reconsidered(found: Judged, scene: Scene) -> Judged:
+def reconsidered(found: Solution, scene: Scene) -> Solution:
     """Try points that are in doubt from what the others predict."""
     for _ in range(ROUNDS):
         doubtful = _doubtful(found)
@@ -32,10 +34,10 @@ def reconsidered(found: Judged, scene: Scene) -> Judged:
     return found
 
 
-def _doubtful(found: Judged) -> NDArray[np.bool_]:
+def _doubtful(found: Solution) -> NDArray[np.bool_]:
     """Points that were measured from little of their window; none where no pixel is foreign."""
-    if found.quality.foreign is None:
+    if found.statistics.foreign is None:
         return np.zeros_like(found.failed)
     with np.errstate(invalid="ignore"):
-        doubtful: NDArray[np.bool_] = ~found.failed & (found.quality.weight < MINIMUM_WEIGHT)
+        doubtful: NDArray[np.bool_] = ~found.failed & (found.statistics.weight < MINIMUM_WEIGHT)
     return doubtful

@@ -19,53 +19,24 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.convention.flags import FAILING, FLAGS
+from sixflow.convention.flags import FLAGS
 from sixflow.engine.fir import filter_separable
-from sixflow.engine.window import CUT, window_sigma
-from sixflow.judge.flags import fill_failed
+from sixflow.engine.window import CUT
 from sixflow.maps.grid import Grid
+from sixflow.maps.neighbours import fill_failed
+from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
-from sixflow.refine.quality import Quality
+from sixflow.refine.solution import Solution
 
 ROUNDS = 12
 GAIN = 0.02  # share of the missed points that a round has to find for another one
 LEAST_FOUND = 0.05  # share of the points: fewer may be chance, and are nothing to grow from
 TEXTURE, LEAST_RATIO = 4.0, 0.01
-
-
-class Judged(NamedTuple):
-    """Maps (6, rows, columns), the quality of the last pass and the flags of every point."""
-
-    maps: NDArray[Any]
-    quality: Quality
-    flag: NDArray[np.uint16]
-
-    def joined(self, other: Judged, where: NDArray[np.bool_]) -> Judged:
-        """These points, and the other's where that is said; `where` of shape (rows, columns)."""
-        quality = dataclasses.replace(
-            self.quality,
-            **{
-                field.name: np.where(
-                    where.reshape(where.shape + (1,) * (np.ndim(value) - 2)),
-                    getattr(other.quality, field.name),
-                    value,
-                )
-                for field in dataclasses.fields(Quality)
-                if np.ndim(value := getattr(self.quality, field.name)) > 1
-                and np.ndim(getattr(other.quality, field.name)) > 1
-            },
-        )
-        return Judged(np.where(where, other.maps, self.maps), quality, np.where(where, other.flag, self.flag))
-
-    @property
-    def failed(self) -> NDArray[np.bool_]:
-        """Points that have no value, masked ones included; shape (rows, columns)."""
-        return (self.flag & FAILING).astype(bool)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,8 +50,8 @@ class Scene:
     moved : Frame
         Frame 1.
     grid : Grid
-    window : float
-        px.
+    plan : Plan
+        Of the search.
     judge_in : callable
         Refines a start (6, rows, columns) at full resolution and judges every point; of the frame 0 that is given.
     """
@@ -88,33 +59,33 @@ class Scene:
     reference: Frame
     moved: Frame
     grid: Grid
-    window: float
-    judge_in: Callable[[NDArray[Any], Frame], Judged]
+    plan: Plan
+    judge_in: Callable[[NDArray[Any], Frame], Solution]
 
-    def judge(self, start: NDArray[Any]) -> Judged:
+    def judge(self, start: NDArray[Any]) -> Solution:
         """Refine a start at full resolution and judge every point."""
         return self.judge_in(start, self.reference)
 
-    def missed(self, found: Judged) -> NDArray[np.bool_]:
+    def missed(self, found: Solution) -> NDArray[np.bool_]:
         """Points that could be measured and failed; shape (rows, columns)."""
         staying = self.staying(found)
         return staying & self._textured(found) if staying.any() else staying
 
-    def staying(self, found: Judged) -> NDArray[np.bool_]:
+    def staying(self, found: Solution) -> NDArray[np.bool_]:
         """Points that failed, are not masked, and stay in frame 1; shape (rows, columns)."""
         failed = found.failed & ((found.flag & FLAGS["masked"]) == 0)
         if not failed.any() or failed.mean() > 1 - 2 * LEAST_FOUND:  # too little is known to say what leaves
             return failed
         height, width = self.moved.image.shape
-        half = self.window / 2
+        half = self.plan.window.size / 2
         maps = extrapolated(found, self.grid)
         x, y = self.grid.x + maps[0], self.grid.y[:, None] + maps[1]
         return failed & (x >= half) & (x <= width - 1 - half) & (y >= half) & (y <= height - 1 - half)
 
-    def _textured(self, found: Judged) -> NDArray[np.bool_]:
+    def _textured(self, found: Solution) -> NDArray[np.bool_]:
         """Where frame 0 has texture in every direction; shape (rows, columns)."""
         weakest, strongest = self._gradient_power
-        measured = found.quality.noise[~found.failed]
+        measured = found.statistics.noise[~found.failed]
         noise = float(np.median(measured)) if measured.size else 0.0
         textured: NDArray[np.bool_] = weakest > np.maximum(TEXTURE * noise**2 / 2, LEAST_RATIO * strongest)
         return textured
@@ -129,7 +100,7 @@ class Scene:
         )
         height, width = min(len(x), len(y)), min(x.shape[1], y.shape[1])
         x, y = x[:height, :width], y[:height, :width]
-        sigma = window_sigma(self.window) / 2
+        sigma = self.plan.window.sigma / 2
         half = np.exp(-((np.arange(math.ceil(CUT * sigma) + 1) / sigma) ** 2) / 2)
         half /= half[0] + 2 * half[1:].sum()
         at = np.ix_(np.clip(self.grid.y // 2, 0, height - 1), np.clip(self.grid.x // 2, 0, width - 1))
@@ -141,12 +112,12 @@ class Scene:
         return middle - radius, middle + radius
 
 
-def extrapolated(found: Judged, grid: Grid) -> NDArray[Any]:
+def extrapolated(found: Solution, grid: Grid) -> NDArray[Any]:
     """The maps, those of failed points from their neighbours; no motion where nothing is found."""
-    return fill_failed(np.where(found.failed, np.nan, found.maps), grid.step)
+    return fill_failed(found.known, grid.step)
 
 
-def grown(found: Judged, scene: Scene) -> Judged:
+def grown(found: Solution, scene: Scene) -> Solution:
     """Find what can be found from where it was found; never fewer points than before."""
     if found.failed.mean() > 1 - LEAST_FOUND:
         return found

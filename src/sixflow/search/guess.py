@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from sixflow.convention import SIX
 from sixflow.convention.six import GRADIENT_FROM_SIX
 from sixflow.errors import InputError
-from sixflow.judge.flags import fill_failed
 from sixflow.maps.grid import Grid
+from sixflow.maps.neighbours import fill_failed
 from sixflow.search.pyramid import finer
 from sixflow.settings import Settings
 from sixflow.settings.affine_guess import KINDS, as_numbers

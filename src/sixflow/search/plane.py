@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.prepare.frame import NO_MASK, Frame, flatten_lighting
+from sixflow.prepare.frame import NO_MASK, Frame
+from sixflow.prepare.light import flatten_lighting
 from sixflow.search.spectrum import linear_candidates
 from sixflow.search.tiles import Agreement, Haystack, agreement, haystack
 

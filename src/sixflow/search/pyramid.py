@@ -8,7 +8,6 @@ displacements doubled, gradients as they are.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
 
@@ -17,31 +16,30 @@ from numpy.typing import NDArray
 
 from sixflow.engine.blend import resample_strip, twist_of
 from sixflow.engine.threads import over_strips
-from sixflow.judge.flags import settle, typical
 from sixflow.maps.grid import Grid
+from sixflow.maps.neighbours import settle, typical
+from sixflow.method import problem_of
+from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
-from sixflow.refine.method import passes_of
-from sixflow.refine.workspace import Workspace
+from sixflow.refine.problem import State
 from sixflow.search.shift import common_shift
-from sixflow.settings import Settings
 
 LEVEL_PASSES = 4
 SETTLED = 0.1  # px of the level: the next level corrects what is left
 
 
-def level_count(shape: tuple[int, int], settings: Settings) -> int:
+def level_count(shape: tuple[int, int], plan: Plan) -> int:
     """Return how many halvings the search starts from: until the window spans the shorter side."""
-    if settings.levels is not None:
-        return settings.levels
-    return max(0, math.floor(math.log2(min(shape) / settings.window)))
+    if plan.levels is not None:
+        return plan.levels
+    return max(0, math.floor(math.log2(min(shape) / plan.window.size)))
 
 
 def pyramid(
     reference: Frame,
     moved: Frame,
     grid: Grid,
-    settings: Settings,
-    workspace: Workspace,
+    plan: Plan,
     start: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """Find the motion roughly, from coarse to fine.
@@ -52,8 +50,7 @@ def pyramid(
         At full resolution.
     grid : Grid
         Where the start is wanted.
-    settings : Settings
-    workspace : Workspace
+    plan : Plan
     start : array, shape (6, rows, columns), optional
         u, v, u_x, u_y, v_x, v_y at the grid points to begin with; the frames' common shift if not given.
 
@@ -62,25 +59,24 @@ def pyramid(
     float64 array, shape (6, rows, columns)
         u, v, u_x, u_y, v_x, v_y at the grid points, without NaN.
     """
-    coarse = dataclasses.replace(settings, interpolation="cubic", group="affine")
-    top = level_count(reference.image.shape, settings)
+    coarse = plan.replace(degree=3, group="affine", reference="first", window=plan.window.plain)
+    height, width = reference.image.shape
+    top = level_count((height, width), plan)
     if start is None:
         start = grid.plane(np.array([*common_shift(reference, moved), 0, 0, 0, 0]))
     maps, found, finest = start, grid, 0
     for level in range(top, 0, -1):
         small, small_moved = reference.level(level), moved.level(level)
-        here = Grid.over(small.image.shape, max(2, round(settings.window / 4)))
+        here = Grid.over(small.image.shape, max(2, round(plan.window.size / 4)))
         maps = finer(maps, found, here, 2.0 ** (finest - level))
-        passes = passes_of(settings)(small, small_moved, here, coarse, workspace)
-        known = maps
+        problem, state, known = problem_of(small, small_moved, here, coarse), State(), maps
         for _ in range(LEVEL_PASSES):
-            solution = passes.solve(maps)
-            update = np.hypot(solution[0] - maps[0], solution[1] - maps[1])
-            maps = settle(solution, here.step, settings.window)
-            if typical(update) < SETTLED:
+            made = problem.step(maps, state)
+            state, maps = made.state, settle(made.maps, here.step, plan.window.size)
+            if typical(made.moved) < SETTLED:
                 break
         # where halving has left no texture, what the level found is noise: keep what was known before
-        maps = np.where(passes.trust(), maps, known)
+        maps = np.where(made.trusted, maps, known)
         found, finest = here, level
     return finer(maps, found, grid, 2.0**finest) if finest else maps
 

@@ -28,12 +28,11 @@ from numpy.typing import NDArray
 
 from sixflow.maps.grid import Grid
 from sixflow.prepare.frame import Frame
-from sixflow.refine.workspace import Workspace
+from sixflow.refine.solution import Solution
 from sixflow.search.doubt import reconsidered
-from sixflow.search.growth import Judged, Scene, grown
+from sixflow.search.growth import Scene, grown
 from sixflow.search.plane import Plane, find_plane
 from sixflow.search.pyramid import pyramid
-from sixflow.settings import Settings
 
 MISSED = 0.03  # share of the points
 LOST = 0.1
@@ -41,28 +40,23 @@ MOSTLY_LOST = 0.5
 _REGIONS = 3
 
 
-def find_motion(
-    scene: Scene, settings: Settings, workspace: Workspace, guess: NDArray[np.float64] | None = None
-) -> Judged:
+def find_motion(scene: Scene, guess: NDArray[np.float64] | None = None) -> Solution:
     """Find the motion between two frames, refine and judge it.
 
     Parameters
     ----------
     scene : Scene
-    settings : Settings
-        `search`, `levels`, and what passes need.
-    workspace : Workspace
     guess : array, shape (6, rows, columns), optional
         With `search="guess"`: u, v, u_x, u_y, v_x, v_y at the grid points.
     """
-    search = _Search(scene, settings, workspace)
+    search = _Search(scene)
     if guess is not None:
         found = search.from_guess(guess)
-    elif settings.search == "spectrum":
+    elif scene.plan.search == "spectrum":
         found = search.from_spectrum()
     else:
         found = search.coarse_to_fine()
-        if settings.search == "pyramid":
+        if scene.plan.search == "pyramid":
             return found
         found = search.further(found)
     return reconsidered(found, scene)
@@ -71,48 +65,48 @@ def find_motion(
 class _Search:
     """The steps, for one scene."""
 
-    def __init__(self, scene: Scene, settings: Settings, workspace: Workspace) -> None:
-        self.scene, self.settings, self.workspace = scene, settings, workspace
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
 
-    def coarse_to_fine(self, start: NDArray[np.float64] | None = None) -> Judged:
+    def coarse_to_fine(self, start: NDArray[np.float64] | None = None) -> Solution:
         """The field by the pyramid, from a start at the grid points or the frames' common shift."""
         scene = self.scene
-        maps = pyramid(scene.reference, scene.moved, scene.grid, self.settings, self.workspace, start)
+        maps = pyramid(scene.reference, scene.moved, scene.grid, scene.plan, start)
         return scene.judge(maps)
 
-    def from_guess(self, guess: NDArray[np.float64]) -> Judged:
+    def from_guess(self, guess: NDArray[np.float64]) -> Solution:
         """The field from a first guess at the grid points."""
         found = self.scene.judge(guess)
         if self.share(found) <= MISSED:
             return found
         return grown(self.better(found, self.coarse_to_fine(guess)), self.scene)
 
-    def from_spectrum(self) -> Judged:
+    def from_spectrum(self) -> Solution:
         """The field from one affine map of the whole frames; by the pyramid if there is none."""
-        plane = find_plane(self.scene.reference, self.scene.moved, self.scene.window)
+        plane = find_plane(self.scene.reference, self.scene.moved, self.scene.plan.window.size)
         found = self.coarse_to_fine() if plane is None else self.from_plane(plane.six)
         return grown(found, self.scene)
 
-    def from_plane(self, six: NDArray[np.float64]) -> Judged:
+    def from_plane(self, six: NDArray[np.float64]) -> Solution:
         """The field from one affine map about pixel (0, 0)."""
         start = self.scene.grid.plane(six)
         found = self.coarse_to_fine(start)
         return found if self.share(found) <= MISSED else self.better(found, self.scene.judge(start))
 
-    def further(self, found: Judged) -> Judged:
+    def further(self, found: Solution) -> Solution:
         """What the pyramid missed."""
         if self.share(found) <= MISSED:
             return found
         found = grown(found, self.scene)
         if self.share(found) > LOST:
-            plane = find_plane(self.scene.reference, self.scene.moved, self.scene.window)
+            plane = find_plane(self.scene.reference, self.scene.moved, self.scene.plan.window.size)
             if plane is not None:
                 found = self.better(found, grown(self.from_plane(plane.six), self.scene))
             if plane is not None or self.share(found) <= MOSTLY_LOST:  # else the region is the frame
                 found = self.by_regions(found)
         return found
 
-    def by_regions(self, found: Judged) -> Judged:
+    def by_regions(self, found: Solution) -> Solution:
         """What regions of missed points have in common, the largest first."""
         for _ in range(_REGIONS):
             missed = self.scene.missed(found)
@@ -127,7 +121,7 @@ class _Search:
             gained = found.failed & ~again.failed & ~self.beside(~found.failed)
             if not gained.any():
                 break
-            found = found.joined(again, gained)
+            found = found.merged(again, gained)
         return found
 
     def beside(self, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -136,17 +130,17 @@ class _Search:
         """
         from scipy.ndimage import maximum_filter
 
-        reach = math.ceil(self.scene.window / 2 / self.scene.grid.step)
+        reach = math.ceil(self.scene.plan.window.size / 2 / self.scene.grid.step)
         near: NDArray[np.bool_] = maximum_filter(known.astype(np.uint8), 2 * reach + 1, mode="constant") > 0
         return near
 
-    def share(self, found: Judged) -> float:
+    def share(self, found: Solution) -> float:
         """Share of the points that were missed; 0 if at first sight they are too few to matter."""
         if self.scene.staying(found).mean() <= MISSED:
             return 0.0
         return float(self.scene.missed(found).mean())
 
-    def better(self, one: Judged, other: Judged) -> Judged:
+    def better(self, one: Solution, other: Solution) -> Solution:
         """That with fewer failed points; the first if there are as many."""
         return other if other.failed.sum() < one.failed.sum() else one
 
@@ -175,7 +169,7 @@ def _plane_of(part: Frame, scene: Scene) -> Plane | None:
     rows, columns = np.flatnonzero(part.valid.any(axis=1)), np.flatnonzero(part.valid.any(axis=0))
     box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     frame = Frame(np.ascontiguousarray(part.image[box]), np.ascontiguousarray(part.valid[box]))
-    plane = find_plane(frame, scene.moved, scene.window, box)
+    plane = find_plane(frame, scene.moved, scene.plan.window.size, box)
     if plane is None:
         return None
     six = plane.six.copy()

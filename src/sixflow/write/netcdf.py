@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from xarray.backends import BackendArray, H5NetCDFStore
+from xarray.core import indexing
 
 from sixflow.write.guarded import quiet
 from sixflow.write.layout import chunk_shape, fill_value
@@ -125,4 +127,51 @@ def read(path: Path) -> xr.Dataset:
     """Return the field in a file, to be loaded when it is used."""
     check_seal(path)
     with quiet():
+        store = _Store.open(str(path))
+        if store.is_even():
+            return xr.open_dataset(store, cache=False)
+        store.close()
         return xr.open_dataset(path, engine="h5netcdf", cache=False)
+
+
+class _Store(H5NetCDFStore):
+    """A file whose variables all have the length of their dimensions, which is then not asked for again and again.
+
+    h5netcdf looks at every variable along time whenever it is asked for the shape of one, since one may be shorter,
+    and be filled up; this took most of the time of opening a small field.
+    """
+
+    def is_even(self) -> bool:
+        """Tell whether each dimension has one length in all variables."""
+        lengths: dict[str, set[int]] = {}
+        for variable in self.ds.variables.values():
+            for dim, length in zip(variable.dimensions, variable._h5ds.shape, strict=True):
+                lengths.setdefault(dim, set()).add(length)
+        return all(len(some) == 1 for some in lengths.values())
+
+    def open_store_variable(self, name: str, var: Any) -> xr.Variable:
+        """Return one variable, to be read when it is used."""
+        if var.dtype == str or var.dtype.kind not in "iufS":
+            return super().open_store_variable(name, var)
+        array: Any = indexing.LazilyIndexedArray(_StoredArray(self, name, var))
+        attrs = {key: _text(value) for key, value in var.attrs.items()}
+        return xr.Variable(var.dimensions, array, attrs, {"dtype": var.dtype})
+
+
+def _text(value: Any) -> Any:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+
+
+class _StoredArray(BackendArray):
+    """The values of a variable in an open file."""
+
+    def __init__(self, store: _Store, name: str, var: Any) -> None:
+        self._store, self._name, self.shape, self.dtype = store, name, var._h5ds.shape, var.dtype
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        support = indexing.IndexingSupport.OUTER_1VECTOR
+        return indexing.explicit_indexing_adapter(key, self.shape, support, self._read)
+
+    def _read(self, key: tuple[Any, ...]) -> NDArray[Any]:
+        with self._store.lock:
+            return self._store.ds.variables[self._name]._h5ds[key]

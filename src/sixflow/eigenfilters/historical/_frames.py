@@ -13,7 +13,7 @@ from sixflow.checks import number, require, whole
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
 from sixflow.maps.grid import Grid
-from sixflow.prepare.frame import check_frame
+from sixflow.prepare.image import check_frame
 
 Array = NDArray[Any]
 

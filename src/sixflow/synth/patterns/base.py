@@ -10,6 +10,9 @@ from sixflow.checks import require, whole
 from sixflow.synth.arguments import Array, points
 from sixflow.synth.motions.base import Motion, require_motion
 
+CHUNK = 1 << 14
+"""Points that one thread evaluates at a time: the working arrays stay in the cache."""
+
 
 class Pattern(abc.ABC):
     """A pattern of grey values, known analytically over the whole plane.

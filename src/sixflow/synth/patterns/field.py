@@ -11,10 +11,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.engine.threads import over_strips
 from sixflow.errors import InputError
 from sixflow.synth.arguments import Array
 from sixflow.synth.motions.base import Motion
-from sixflow.synth.patterns.threads import over_parts
+from sixflow.synth.patterns.base import CHUNK
 
 _DROP = math.log(1e10)
 REACH = math.sqrt(2 * _DROP)
@@ -120,12 +121,13 @@ def _sum(x: Array, y: Array, reach: float, blobs: Array, box: Box) -> Array:
     start = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=rows * columns))]).astype(np.int64)
     out = np.empty((3, x.size))
 
-    def task(part: slice) -> None:
+    def task(first: int, last: int) -> None:
+        part = slice(first, last)
         values = np.empty((3, x[part].size))
         _cells.gather(x[part], y[part], blobs, start, (side, i0, j0, columns), _DROP, values)
         out[:, part] = values
 
-    over_parts(task, x.size)
+    over_strips(task, x.size, CHUNK)
     return out
 
 

@@ -11,16 +11,17 @@ import math
 import numpy as np
 
 from sixflow.checks import number, numbers, require, whole
+from sixflow.engine.threads import over_strips
 from sixflow.synth.arguments import Array, length
-from sixflow.synth.patterns.base import Pattern
-from sixflow.synth.patterns.threads import over_parts
+from sixflow.synth.patterns.base import CHUNK, Pattern
 
 
 def _waves(x: Array, y: Array, waves: Array) -> tuple[Array, Array, Array]:
     """Sum of waves a cos(k_x x + k_y y + φ) and its derivatives; `waves` has rows k_x, k_y, φ, a."""
     out = np.zeros((3, x.size))
 
-    def task(part: slice) -> None:
+    def task(first: int, last: int) -> None:
+        part = slice(first, last)
         value, I_x, I_y = out[:, part]
         for k_x, k_y, phase, amplitude in waves:
             angle = k_x * x[part] + k_y * y[part] + phase
@@ -29,7 +30,7 @@ def _waves(x: Array, y: Array, waves: Array) -> tuple[Array, Array, Array]:
             I_x -= k_x * slope
             I_y -= k_y * slope
 
-    over_parts(task, x.size)
+    over_strips(task, x.size, CHUNK)
     return out[0], out[1], out[2]
 
 

@@ -1,15 +1,17 @@
-"""The warp of one pass against SciPy's interpolation and plain differences."""
+"""The sweep of one pass against SciPy's interpolation and plain differences."""
 
 import numpy as np
 import pytest
 
 import naive
 from sixflow.engine.blend import twist_of
+from sixflow.engine.interpolate import Interpolant
 from sixflow.engine.spline import noise_variance, spline_coefficients
-from sixflow.engine.warp import warp_strip
+from sixflow.engine.sweep import Form, Images, Motion, Pair, image_strip
 from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import NO_MASK, Frame
+from sixflow.refine.sweep import Sweep, mean_plane
 
-NO_MASK = np.empty((0, 0), np.uint8)
 DTYPES = [np.float32, np.float64]
 
 
@@ -36,20 +38,41 @@ def scene(shape, step, dtype, *, scale=1.0, seed=5):
 
 
 def run(
-    reference, moved, maps, grid, plane, degree, total, *, valid0=None, valid1=None, light=None, strip=16
+    reference,
+    moved,
+    maps,
+    grid,
+    plane,
+    degree,
+    total,
+    *,
+    valid0=None,
+    valid1=None,
+    light=None,
+    strip=16,
+    central=False,
 ):
     dtype, shape = reference.dtype, reference.shape
-    coefficients = spline_coefficients(moved, degree)
-    names = "gradient_x", "gradient_y", "right", "residual", "warped"
+    names = "gradient_x", "gradient_y", "right", "residual", "still", "warped"
     out = {name: np.full(shape, 7, dtype) for name in names}
-    lighting = np.empty((0, 0, 0, 0), dtype) if light is None else light
     masks = [NO_MASK if v is None else v.astype(np.uint8) for v in (valid0, valid1)]
+    noise, share = noise_variance(degree), dtype.type(2 if central else 1)
+    pair = Pair(
+        reference,
+        NO_MASK if central else masks[0],
+        Interpolant(spline_coefficients(reference, degree), masks[0], noise),
+        Interpolant(spline_coefficients(moved, degree), masks[1], noise),
+    )
+    lighting = np.empty((0, 0, 0, 0), dtype) if light is None else light
+    motion = Motion(
+        maps / share, twist_of(maps / share, grid.step), grid.origin_and_step, plane / share, lighting
+    )
     for start in range(0, shape[0], strip):
-        warp_strip(
-            reference, coefficients, *masks, maps, twist_of(maps, grid.step), grid.origin_and_step, plane,
-            lighting, degree, total, noise_variance(degree), 1.0, np.empty((0, 0), dtype),
-            start, min(start + strip, shape[0]), *out.values(),
-        )  # fmt: skip
+        stop = min(start + strip, shape[0])
+        part = Images(*(image[start:stop] for image in out.values()))
+        image_strip(pair, motion, Form(degree + 1, total, central), start, stop, part)
+    if not central:
+        out["still"] = reference
     return out
 
 
@@ -164,15 +187,33 @@ def test_strips_do_not_matter():
             np.testing.assert_array_equal(values, one[name])
 
 
-def test_optional_outputs():
-    grid, *images = scene((20, 25), 8, np.float64)
+@pytest.mark.parametrize("total", [True, False])
+@pytest.mark.parametrize("masked", [True, False])
+def test_seen_from_the_middle(total, masked):
+    grid, *images = scene((33, 41), 8, np.float64)
     reference, moved, maps, plane = images
-    full = run(reference, moved, maps, grid, plane, 3, True)
-    none = np.empty((0, 0))
-    out = np.empty((3, 20, 25))
-    warp_strip(
-        reference, spline_coefficients(moved, 3), NO_MASK, NO_MASK, maps, twist_of(maps, 8), grid.origin_and_step,
-        plane, np.empty((0, 0, 0, 0)), 3, True, noise_variance(3), 1.0, none, 0, 20, *out, none, none,
-    )  # fmt: skip
-    for values, name in zip(out, ("gradient_x", "gradient_y", "right"), strict=True):
-        np.testing.assert_array_equal(values, full[name])
+    valid0, valid1 = np.random.default_rng(3).random((2, 33, 41)) > 0.01
+    options = {"valid0": valid0, "valid1": valid1} if masked else {}
+    arguments = reference, moved, maps, grid, plane, 5, total
+    exact = slow(*arguments, central=True, **options)
+    assert_same(run(*arguments, central=True, **options), exact, np.float64)
+
+
+@pytest.mark.parametrize("central", [True, False])
+def test_light_is_given_by_gain_and_offset(central):
+    """`Sweep` finds the slopes of light between the grid points, and takes the mean plane off the maps."""
+    grid, *images = scene((33, 41), 8, np.float64)
+    reference, moved, maps, _ = images
+    light = np.stack([1 + 0.01 * grid.plane(np.arange(6) / 50)[0], grid.plane(np.arange(6) / 70)[1]])
+    sweep = Sweep(Frame(reference, NO_MASK), Frame(moved, NO_MASK), grid, 5.0, degree=5, central=central)
+    found = sweep.images(maps, light=light)
+    plane = mean_plane(maps, grid)
+    y, x = (np.arange(size, dtype=float) for size in reference.shape)
+    nodes = grid.x.astype(float), grid.y.astype(float)
+    dense = [
+        naive.hermite_surface(*nodes, part, *(np.gradient(part, 8, axis=a) for a in (1, 0)), x, y)
+        for part in light
+    ]
+    reduced = maps - grid.plane(plane)
+    exact = slow(reference, moved, reduced, grid, plane, 5, True, light=dense, central=central)
+    assert_same(found._asdict(), exact, np.float64)

@@ -1,0 +1,154 @@
+"""Pixels: kernels that prepare single pixels of a frame: outlying ones, and values beside those that are missing.
+
+`lone` is the second difference B of a pixel, see `sixflow.prepare.defects`; `continue_strip` reflects an image beyond
+what is known of it, see `sixflow.prepare.nodata`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.compiler import kernel
+from sixflow.engine.scales import select
+
+DEFECT_TILE = 64
+"""px: side of the tiles in which defects are compared with their surroundings; 16 × 8 pixels of each are sampled."""
+_ACROSS, _DOWN = 4, 8
+_QUANTILE = 0.9
+
+
+@kernel
+def lone(image: NDArray[Any], y: int, x: int) -> float:
+    """B of a pixel that has eight neighbours."""
+    p, half = image[y, x], image.dtype.type(0.5)
+    a = p - (image[y, x - 1] + image[y, x + 1]) * half
+    b = p - (image[y - 1, x] + image[y + 1, x]) * half
+    c = p - (image[y - 1, x - 1] + image[y + 1, x + 1]) * half
+    d = p - (image[y - 1, x + 1] + image[y + 1, x - 1]) * half
+    return max(min(min(a, b), min(c, d)), 0.0) + min(max(max(a, b), max(c, d)), 0.0)
+
+
+@kernel
+def tile_levels_strip(
+    image: NDArray[Any], valid: NDArray[Any], start: int, stop: int, out: NDArray[Any]
+) -> None:
+    """The 90 % quantile of |B| and the standard deviation in the tile rows start … stop.
+
+    Parameters
+    ----------
+    image : array, shape (height, width)
+    valid : uint8 array of the same shape, or (0, 0) where every pixel counts
+    out : array, shape (2, tile rows, tile columns)
+        Receives both; NaN where less than a quarter of the sampled pixels counts.
+    """
+    height, width = image.shape
+    sizes = np.empty((DEFECT_TILE // _DOWN) * (DEFECT_TILE // _ACROSS), image.dtype)
+    for tj in range(start, stop):
+        for ti in range(out.shape[2]):
+            count, total, square = 0, 0.0, 0.0
+            for y in range(tj * DEFECT_TILE + 1, min((tj + 1) * DEFECT_TILE, height - 1), _DOWN):
+                for x in range(ti * DEFECT_TILE + 1, min((ti + 1) * DEFECT_TILE, width - 1), _ACROSS):
+                    if valid.size and valid[y, x] == 0:
+                        continue
+                    sizes[count] = abs(lone(image, y, x))
+                    total += image[y, x]
+                    square += image[y, x] * image[y, x]
+                    count += 1
+            if 4 * count < sizes.size:
+                out[0, tj, ti] = out[1, tj, ti] = np.nan
+                continue
+            out[0, tj, ti] = select(sizes, count, int(_QUANTILE * (count - 1)))
+            out[1, tj, ti] = max(square / count - (total / count) ** 2, 0.0) ** 0.5
+
+
+@kernel
+def find_lone_strip(
+    image0: NDArray[Any], image1: NDArray[Any], levels: NDArray[Any], valid: NDArray[Any], start: int,
+    stop: int, found: NDArray[Any],
+) -> None:  # fmt: skip
+    """Mark pixels of the rows start … stop whose B exceeds the level of its tile in both images, with one sign.
+
+    `levels` is (2, tile rows, tile columns); `valid` uint8 (height, width), or (0, 0) where every pixel counts.
+    """
+    width, half = image0.shape[1], image0.dtype.type(0.5)
+    for y in range(start, stop):
+        row0, row1, out = image0[y], image1[y], found[y]
+        level0, level1 = levels[0, y // DEFECT_TILE], levels[1, y // DEFECT_TILE]
+        for tile in range(level0.size):
+            first, last = max(tile * DEFECT_TILE, 1), min((tile + 1) * DEFECT_TILE, width - 1)
+            least0, least1 = image0.dtype.type(level0[tile]), image1.dtype.type(level1[tile])
+            for x in range(first, last):
+                a = row0[x] - (row0[x - 1] + row0[x + 1]) * half
+                b = row1[x] - (row1[x - 1] + row1[x + 1]) * half
+                out[x] = (abs(a) > least0) & (abs(b) > least1)
+            for x in range(first, last):
+                if out[x]:
+                    a, b = lone(image0, y, x), lone(image1, y, x)
+                    out[x] = abs(a) > least0 and abs(b) > least1 and a * b > 0
+                    if valid.size and valid[y, x] == 0:
+                        out[x] = False
+
+
+@kernel
+def _nearest_row(known: NDArray[Any], y: int, reach: int, nearest: NDArray[Any]) -> bool:
+    """Distance of every pixel of a row to the nearest known one of its row or column; more than `reach` if there is
+    none so near. Whether any pixel of the row is not known.
+    """
+    height, width = known.shape
+    row = known[y]
+    gaps = False
+    for x in range(width):
+        nearest[x] = 0 if row[x] else reach + 1
+        gaps |= row[x] == 0
+    if not gaps:
+        return False
+    for distance in range(reach, 0, -1):
+        closer = nearest.dtype.type(distance)
+        for x in range(distance, width):
+            if row[x - distance] and nearest[x] > closer:
+                nearest[x] = closer
+        for x in range(width - distance):
+            if row[x + distance] and nearest[x] > closer:
+                nearest[x] = closer
+        for other in (y - distance, y + distance):
+            if 0 <= other < height:
+                line = known[other]
+                for x in range(width):
+                    if line[x] and nearest[x] > closer:
+                        nearest[x] = closer
+    return True
+
+
+@kernel
+def continue_strip(
+    image: NDArray[Any], known: NDArray[Any], reach: int, start: int, stop: int, out: NDArray[Any],
+    reached: NDArray[Any],
+) -> None:  # fmt: skip
+    """Give pixels within `reach` px of a known one of their row or column its reflection about the nearest, in the
+    rows start … stop; `reached` receives 1 there.
+    """
+    height, width = image.shape
+    nearest = np.empty(width, np.uint8)
+    for y in range(start, stop):
+        if not _nearest_row(known, y, reach, nearest):
+            continue
+        for x in range(width):
+            distance = int(nearest[x])
+            if distance == 0 or distance > reach:
+                continue
+            total, count = 0.0, 0
+            for dy, dx in ((0, -1), (0, 1), (-1, 0), (1, 0)):
+                b, a = y + distance * dy, x + distance * dx
+                if b < 0 or a < 0 or b >= height or a >= width or not known[b, a]:
+                    continue
+                d, c = b + distance * dy, a + distance * dx
+                inside = d >= 0 and c >= 0 and d < height and c < width
+                total += image[b, a]
+                if inside and known[d, c]:
+                    total += image[b, a] - image[d, c]
+                count += 1
+            out[y, x] = total / count
+            reached[y, x] = 1

@@ -1,0 +1,457 @@
+"""Sweep: one pass over the pixels, the moved frame brought back onto the reference and what least squares needs of it.
+
+For every pixel x, with the dense displacement U (`blend`) and the moved frame's spline S₁ (`interpolate`)
+
+    r = S₁(x + U) − I₀(x)                    residual
+    (g_x, g_y) = F⁻ᵀ D ½(I₀ + S₁(x + U))     gradient of the mean of the two frames, 8th-order differences D
+    q = g·U' − r                             right-hand side of the total form (q = −r in increment form)
+
+F = I + ∂U/∂x: a displacement is counted along the axes of the moved frame, in which ∇S₁ = F⁻ᵀ ∇[S₁(x + U)]. A turn by
+more than a right angle would otherwise make every pass go the wrong way. F is taken from differences of U from pixel
+to pixel; where it folds the plane (det F < 0.05) it is left out.
+
+U' is U less one plane over the whole frame, subtracted from all maps before and added to the solution
+after: exact in exact arithmetic, and it keeps large displacements out of single-precision sums. D acts
+on the *sampled* mean frame: noise that is stationary is uncorrelated with its own antisymmetric
+difference, so that noise does not bias the solution.
+
+Seen from the middle both frames are brought there by half: S₀(x − U/2) takes the place of I₀(x), and S₁(x + U/2) that
+of S₁(x + U); the right-hand side still holds the whole U, and the axes of the middle are those of both frames to first
+order: no F⁻ᵀ.
+
+A pixel that has no partner (outside the moved frame, masked) gets g = 0 and a NaN residual: its weight is missing.
+
+Rows are worked on in order; the last nine, which the differences along y need, are kept (`Rows`). What comes out of a
+strip goes into images (`image_strip`), which are summed into node moments while they are in the cache (`moment_strip`).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.blend import blend_line, blend_row, blender
+from sixflow.engine.compiler import inner, kernel
+from sixflow.engine.fir import reflect
+from sixflow.engine.interpolate import Interpolant, scratch_rows, warp_row
+from sixflow.engine.lines import copy_line, fill_line
+from sixflow.engine.moments import Cells, Part, add_cell_row, plane_count, scratch_of
+from sixflow.engine.weigh import NEGLIGIBLE
+
+DERIVATIVE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+"""Half-weights of the 8th-order central difference."""
+
+HALO = len(DERIVATIVE)
+_KEPT = 2 * HALO + 1
+LEAST_AREA = 0.05
+"""det F of a map that does not press the window together."""
+
+_KINDS = 7
+_MEAN, _RESIDUAL, _SCALED, _STILL, _WARPED, _U, _V = range(_KINDS)
+"""Rows that are kept: the mean frame, which goes on by HALO on both sides; the residual, as it is and in units of the
+noise; both frames; the displacement less the plane.
+"""
+
+LINES = 9
+"""Lines of a row that moments are summed of; the last two for the sandwich alone."""
+
+_GX, _GY, _RIGHT, _SIZE, _COUNTED, _I0, _I1, _RX, _RY = range(LINES)
+
+NORMAL = ((_GX, _GX), (_GX, _GY), (_GY, _GY), (_GX, _RIGHT), (_GY, _RIGHT))
+SANDWICH = ((_RX, _RX), (_RX, _RY), (_RY, _RY))
+STATISTICS = (
+    (_COUNTED, _COUNTED), (_SIZE, _COUNTED), (_SIZE, _SIZE), (_I0, _COUNTED), (_I0, _I0),
+    (_I1, _COUNTED), (_I1, _I1), (_I0, _I1),
+)  # fmt: skip
+"""Products of lines: of g and q; of r g; of 1, |r|, I₀ and I₁."""
+
+NORMAL_RANKS, SANDWICH_RANKS, STATISTICS_RANKS = (3, 2, 0), (3, 0, 0), (0, 0, 8)
+
+
+class Pair(NamedTuple):
+    """The two frames.
+
+    Attributes
+    ----------
+    image : array, shape (height, width)
+        The reference.
+    valid : uint8 array of the same shape, or (0, 0) where every pixel is valid
+        Of the reference.
+    still, moved : Interpolant
+        The reference between its pixels, which is asked from the middle alone; the moved frame.
+    """
+
+    image: NDArray[Any]
+    valid: NDArray[np.uint8]
+    still: Interpolant
+    moved: Interpolant
+
+
+class Motion(NamedTuple):
+    """The motion and the light as they are known.
+
+    Attributes
+    ----------
+    maps, twist : arrays, shape (6, rows, columns), (2, rows, columns)
+        Local affine maps less `plane`, and their mixed derivatives; half of them where seen from the middle.
+    grid : (int, int, int)
+        x0, y0, step.
+    plane : array, shape (6,)
+        (u, v at pixel (0, 0), u_x, u_y, v_x, v_y), subtracted from all maps.
+    light : array, shape (2, 4, rows, columns), or of size 0 where light is steady
+        Gain and offset at the grid points, moved ≈ gain·reference + offset, each with its x-slope, y-slope and twist.
+    """
+
+    maps: NDArray[Any]
+    twist: NDArray[Any]
+    grid: tuple[int, int, int]
+    plane: NDArray[Any]
+    light: NDArray[Any]
+
+
+class Form(NamedTuple):
+    """What is asked: `taps` of the spline (degree + 1); the total form, or increments; seen from the middle, or not."""
+
+    taps: int
+    total: bool
+    central: bool
+
+
+class Images(NamedTuple):
+    """What a sweep finds at every pixel; arrays of shape (height, width).
+
+    Attributes
+    ----------
+    gradient_x, gradient_y, right : arrays
+        0 where a pixel has no partner.
+    residual : array
+        r scaled so that its variance is twice that of one frame's noise; NaN where a pixel has no partner.
+    still : array
+        The reference as it was compared: at its own pixels, or brought to the middle.
+    warped : array
+        The moved frame brought back, before its light is corrected; NaN where a pixel has no partner.
+    """
+
+    gradient_x: NDArray[Any]
+    gradient_y: NDArray[Any]
+    right: NDArray[Any]
+    residual: NDArray[Any]
+    still: NDArray[Any]
+    warped: NDArray[Any]
+
+
+@inner
+def _still_row(pair: Pair, y: int, still: NDArray[Any]) -> None:
+    """The reference at its own pixels; NaN where it does not count."""
+    image = pair.image[y]
+    copy_line(image, still, image.size)
+    if pair.valid.size:
+        valid = pair.valid[y]
+        for x in range(image.size):
+            if valid[x] == 0:
+                still[x] = np.nan
+
+
+@inner
+def _relight_row(
+    light: NDArray[Any], grid: tuple[int, int, int], y: int, basis: NDArray[Any], scratch: NDArray[Any],
+    warped: NDArray[Any],
+) -> None:  # fmt: skip
+    """Take gain and offset out of a row of the warped frame."""
+    x0, y0, step = grid
+    line = np.empty((2, light.shape[3]), light.dtype)
+    for c in range(2):
+        tone = light[c]
+        blend_row(tone[0], tone[1], tone[2], tone[3], x0, y0, step, y, basis, line, scratch[c])
+    gain, offset = scratch[0], scratch[1]
+    for x in range(warped.size):
+        warped[x] = (warped[x] - offset[x]) / gain[x]
+
+
+@inner
+def _shifted_rows(
+    kept: NDArray[Any], place: int, plane: NDArray[Any], y: int, position: NDArray[Any]
+) -> None:
+    """Displacement of a row, with the plane that the maps are less; shape (2, width)."""
+    kind, width = plane.dtype.type, position.shape[1]
+    for c in range(2):
+        part, target = kept[_U + c, place], position[c]
+        base, slope = plane[c] + plane[3 + 2 * c] * kind(y), plane[2 + 2 * c]
+        for x in range(width):
+            target[x] = part[x] + (base + slope * kind(x))
+
+
+@inner
+def _compare_row(kept: NDArray[Any], place: int, lit: NDArray[Any], variance: NDArray[Any]) -> None:
+    """Residual of a row, and its mean frame, continued by HALO on both sides.
+
+    The mean is that of one frame where the other has no value: what is under a mask must not show in the gradients
+    beside it.
+    """
+    width, kind = lit.size, lit.dtype.type
+    still, r, scaled, mean = (
+        kept[_STILL, place],
+        kept[_RESIDUAL, place],
+        kept[_SCALED, place],
+        kept[_MEAN, place],
+    )
+    first, second = variance[0], variance[1]
+    half, two = kind(0.5), kind(2)
+    middle = mean[HALO : HALO + width]
+    for x in range(width):
+        r[x] = lit[x] - still[x]
+        scaled[x] = (lit[x] - still[x]) * np.sqrt(two / (first[x] + second[x]))
+    for x in range(width):
+        one = still[x] if still[x] == still[x] else lit[x]
+        middle[x] = still[x] + half * r[x] if r[x] == r[x] else one
+    for x in range(HALO):  # odd extension: the gradient goes on as it was at the border
+        mean[x] = two * mean[HALO] - mean[2 * HALO - x]
+        mean[width + HALO + x] = two * mean[width + HALO - 1] - mean[width + HALO - 2 - x]
+
+
+@inner
+def _gradient_row(
+    mean: NDArray[Any], y: int, height: int, target_x: NDArray[Any], target_y: NDArray[Any]
+) -> None:
+    """8th-order differences of row y of the mean frame, row y at y mod 9; the frame goes on oddly."""
+    width, kind = target_x.size, mean.dtype.type
+    fill_line(target_x, 0, width, 0.0)
+    fill_line(target_y, 0, width, 0.0)
+    centre = mean[y % _KEPT]
+    for d in range(1, HALO + 1):
+        weight = kind(DERIVATIVE[d - 1])
+        left, right = centre[HALO - d : HALO - d + width], centre[HALO + d : HALO + d + width]
+        for x in range(width):
+            target_x[x] += weight * (right[x] - left[x])
+        up_row, up_sign, up_first, up_last = reflect(y - d, height, True)
+        down_row, down_sign, down_first, down_last = reflect(y + d, height, True)
+        up, down = mean[up_row % _KEPT][HALO:], mean[down_row % _KEPT][HALO:]
+        a, b = weight * kind(down_sign), weight * kind(up_sign)
+        for x in range(width):
+            target_y[x] += a * down[x] - b * up[x]
+        for times, border_row in ((down_first - up_first, 0), (down_last - up_last, height - 1)):
+            if times != 0:
+                border, share = mean[border_row % _KEPT][HALO:], weight * kind(times)
+                for x in range(width):
+                    target_y[x] += share * border[x]
+
+
+@inner
+def _moved_axes_row(
+    kept: NDArray[Any], y: int, height: int, plane: NDArray[Any], target_x: NDArray[Any], target_y: NDArray[Any],
+    slopes: NDArray[Any],
+) -> None:  # fmt: skip
+    """Multiply the gradients of a row by F⁻ᵀ, from the dense displacement of the rows around it.
+
+    `slopes` is scratch of shape (2, width), for ∂u/∂x and ∂v/∂x.
+    """
+    above, place, below = max(y - 1, 0), y % _KEPT, min(y + 1, height - 1)
+    width, kind = target_x.size, plane.dtype.type
+    one, half, steep = kind(1), kind(0.5), kind(1 / max(below - above, 1))
+    above, below = above % _KEPT, below % _KEPT
+    for c in range(2):
+        line, slope = kept[_U + c, place], slopes[c]
+        for x in range(1, width - 1):
+            slope[x] = (line[x + 1] - line[x - 1]) * half
+        slope[0], slope[width - 1] = (
+            line[min(1, width - 1)] - line[0],
+            line[width - 1] - line[max(width - 2, 0)],
+        )
+    u_x, v_x = slopes[0], slopes[1]
+    u0, v0, u1, v1 = kept[_U, above], kept[_V, above], kept[_U, below], kept[_V, below]
+    for x in range(width):
+        F_xx, F_xy = one + plane[2] + u_x[x], plane[3] + (u1[x] - u0[x]) * steep
+        F_yx, F_yy = plane[4] + v_x[x], one + plane[5] + (v1[x] - v0[x]) * steep
+        area = F_xx * F_yy - F_xy * F_yx
+        sound = area > kind(LEAST_AREA)
+        inverse = one / (area if sound else one)
+        g_x, g_y = target_x[x], target_y[x]
+        target_x[x] = (F_yy * g_x - F_yx * g_y) * inverse if sound else g_x
+        target_y[x] = (F_xx * g_y - F_xy * g_x) * inverse if sound else g_y
+
+
+@inner
+def _right_row(
+    kept: NDArray[Any], place: int, form: Form, masked: bool, target_x: NDArray[Any], target_y: NDArray[Any],
+    right: NDArray[Any],
+) -> None:  # fmt: skip
+    """Right-hand side of a row; takes the gradient from pixels without a partner.
+
+    Where there is a mask, a pixel whose gradient would need one without a value has no partner either.
+    """
+    r, scaled, u, v = kept[_RESIDUAL, place], kept[_SCALED, place], kept[_U, place], kept[_V, place]
+    width, kind = right.size, right.dtype.type
+    zero, nothing, whole = kind(0), kind(np.nan), kind(0)
+    if form.total:
+        whole = kind(2 if form.central else 1)
+    if masked:
+        for x in range(width):
+            lacking = target_x[x] != target_x[x] or target_y[x] != target_y[x]
+            r[x] = nothing if lacking else r[x]
+        for x in range(width):
+            scaled[x] = scaled[x] if r[x] == r[x] else nothing
+    for x in range(width):
+        target_x[x] = target_x[x] if r[x] == r[x] else zero
+    for x in range(width):
+        target_y[x] = target_y[x] if r[x] == r[x] else zero
+    for x in range(width):
+        right[x] = ((target_x[x] * u[x] + target_y[x] * v[x]) * whole - r[x]) if r[x] == r[x] else zero
+
+
+@inner
+def _lines_row(
+    seen: tuple[NDArray[Any], NDArray[Any], NDArray[Any]],
+    lines: NDArray[Any],
+    row: int,
+    left: int,
+    sandwich: bool,
+) -> None:
+    """Fill the lines that moments are summed of, but for gradient and right-hand side, in row `row` of the cells.
+
+    `seen` has residual, reference and warped frame of the row, which goes to the columns from `left`.
+    """
+    residual, still, warped = seen
+    width = residual.size
+    zero, one = residual.dtype.type(0), residual.dtype.type(1)
+    size, counted = lines[_SIZE, row][left : left + width], lines[_COUNTED, row][left : left + width]
+    i0, i1 = lines[_I0, row][left : left + width], lines[_I1, row][left : left + width]
+    for x in range(width):
+        counted[x] = one if residual[x] == residual[x] else zero
+    for x in range(width):
+        size[x] = abs(residual[x]) if residual[x] == residual[x] else zero
+    for x in range(width):
+        i0[x] = still[x] if residual[x] == residual[x] else zero
+    for x in range(width):
+        i1[x] = warped[x] if residual[x] == residual[x] else zero
+    if sandwich:
+        for gradient, product in ((_GX, _RX), (_GY, _RY)):
+            g, target = lines[gradient, row][left : left + width], lines[product, row][left : left + width]
+            for x in range(width):
+                target[x] = size[x] * g[x]
+
+
+@kernel
+def image_strip(pair: Pair, motion: Motion, form: Form, start: int, stop: int, images: Images) -> None:
+    """Sweep the rows start … stop.
+
+    Parameters
+    ----------
+    pair : Pair
+    motion : Motion
+    form : Form
+    images : Images
+        Written; their first row is row `start` of the frame. `still` is written where seen from the middle alone.
+    """
+    height, width = pair.image.shape
+    kind, masked = pair.image.dtype, form.central or pair.valid.size > 0
+    kept = np.empty((_KINDS, _KEPT, width + 2 * HALO), kind)
+    position, variance, lit = np.empty((2, width), kind), np.ones((2, width), kind), np.empty(width, kind)
+    scratch, work = (
+        np.empty((scratch_rows(form.taps), width), kind),
+        blender(motion.maps, motion.grid[2], width),
+    )
+    ahead = max(0, start - HALO)
+    for y in range(start, stop):
+        while ahead < min(height, y + HALO + 1):
+            place = ahead % _KEPT
+            for c in range(2):
+                blend_line(
+                    motion.maps, motion.twist, motion.grid, ahead, c, work, kept[_U + c, place][:width]
+                )
+            _shifted_rows(kept, place, motion.plane, ahead, position)
+            warp_row(pair.moved, position[0], position[1], ahead, scratch, lit, variance[1])
+            copy_line(lit, kept[_WARPED, place], width)
+            if form.central:
+                for x in range(width):
+                    position[0, x], position[1, x] = -position[0, x], -position[1, x]
+                warp_row(
+                    pair.still,
+                    position[0],
+                    position[1],
+                    ahead,
+                    scratch,
+                    kept[_STILL, place][:width],
+                    variance[0],
+                )
+            else:
+                _still_row(pair, ahead, kept[_STILL, place])
+            if motion.light.size:
+                _relight_row(motion.light, motion.grid, ahead, work.basis, scratch, lit)
+            _compare_row(kept, place, lit, variance)
+            ahead += 1
+        place, k = y % _KEPT, y - start
+        gradient_x, gradient_y = images.gradient_x[k], images.gradient_y[k]
+        _gradient_row(kept[_MEAN], y, height, gradient_x, gradient_y)
+        if not form.central:
+            _moved_axes_row(kept, y, height, motion.plane, gradient_x, gradient_y, scratch)
+        _right_row(kept, place, form, masked, gradient_x, gradient_y, images.right[k])
+        copy_line(kept[_SCALED, place], images.residual[k], width)
+        copy_line(kept[_WARPED, place], images.warped[k], width)
+        if form.central:
+            still, target = kept[_STILL, place], images.still[k]
+            for x in range(width):
+                target[x] = still[x] if still[x] == still[x] else 0
+
+
+@inner
+def _weigh_row(
+    images: Images, weight: NDArray[Any], y: int, root: NDArray[Any], residual: NDArray[Any], lines: NDArray[Any],
+    place: tuple[int, int],
+) -> None:  # fmt: skip
+    """Row y of the images times √ω: gradient and right-hand side into the lines, row and column `place`, residual."""
+    kind, (t, a) = root.dtype.type, place
+    if weight.size:
+        w, least, zero = weight[y], kind(NEGLIGIBLE), kind(0)
+        for x in range(root.size):
+            root[x] = np.sqrt(w[x]) if w[x] >= least else zero
+    for line, image in ((_GX, images.gradient_x), (_GY, images.gradient_y), (_RIGHT, images.right)):
+        target, source = lines[line, t][a : a + root.size], image[y]
+        for x in range(root.size):
+            target[x] = source[x] * root[x]
+    r, nothing = images.residual[y], kind(np.nan)
+    for x in range(root.size):
+        residual[x] = r[x] * root[x] if root[x] > 0 else nothing
+
+
+@kernel
+def moment_strip(
+    images: Images, weight: NDArray[Any], recipes: tuple[Cells, Cells, Cells], part: Part,
+    sums: tuple[NDArray[Any], NDArray[Any], NDArray[Any]], edges: tuple[NDArray[Any], NDArray[Any], NDArray[Any]],
+) -> None:  # fmt: skip
+    """Sum rows of images, with pixel weights ω, into node moments.
+
+    Gradient, right-hand side and residual are multiplied by √ω: the normal equations then have ω, the sandwich ω². A
+    pixel with almost no weight has none, like one without a partner.
+
+    Parameters
+    ----------
+    images : Images
+        Of the rows of the part.
+    weight : array of their shape, or (0, 0) for 1 everywhere
+    recipes : three Cells
+        `NORMAL`, `STATISTICS` and `SANDWICH`.
+    part : Part
+    sums : three arrays, shape (node rows, planes · nodes)
+        Added to, in the node rows of the part but the last; the third may be of size 0, for no sandwich.
+    edges : three arrays, shape (planes · nodes,)
+        Receive the part's share of its last node row, which it has in common with the part below.
+    """
+    width, kind = images.right.shape[1], images.right.dtype
+    b, left, sandwich = recipes[0].spacing, -part.origin[0], edges[2].size > 0
+    count = edges[0].size // plane_count(recipes[0].ranks) - 1
+    lines, scratch = np.zeros((LINES, b, count * b), kind), scratch_of(recipes[1], count)
+    root, residual = np.ones(width, kind), np.empty(width, kind)
+    for cell in range(part.cells[0], part.cells[1]):
+        top = part.origin[1] + cell * b
+        first, last = max(part.rows[0], top), min(part.rows[1], top + b)
+        if first >= last:
+            continue
+        for y in range(first, last):
+            row = y - part.rows[0]
+            _weigh_row(images, weight, row, root, residual, lines, (y - top, left))
+            _lines_row((residual, images.still[row], images.warped[row]), lines, y - top, left, sandwich)
+        for k in range(3 if sandwich else 2):
+            below = sums[k][cell + 1] if cell + 1 < part.cells[1] else edges[k]
+            add_cell_row(lines, (first - top, last - top), recipes[k], scratch, sums[k][cell], below)

@@ -1,0 +1,209 @@
+"""Least squares: one pass over the whole field at once, every pixel compared by itself.
+
+A pass blends the grid's local affine maps to a dense displacement U, brings the moved frame to the reference, and
+solves at every grid point
+
+    minimise Σ_x w(x − p) [r(x) − g·U(x) + g·(d + G(x − p))]²
+
+for the **total** map (d, G), or in increment form, with r alone, for what U leaves. Six numbers per point are redundant
+for a dense field; were each pass to add an increment, errors in the redundant directions would never be corrected. In
+the total form the fixed point is the window's own least-squares affine fit, whatever U was, and noise does not grow
+with passes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.solve import explained_strip, normal_matrices, solve_strip, texture_strip
+from sixflow.engine.spline import gradient_noise
+from sixflow.engine.sweep import DERIVATIVE, Images
+from sixflow.engine.threads import over_strips
+from sixflow.engine.weigh import find_weights
+from sixflow.maps.grid import Grid
+from sixflow.maps.restriction import allowed, confined, maps_of, unknowns, with_shared_gradients
+from sixflow.plan import Plan
+from sixflow.prepare.frame import Frame
+from sixflow.refine.covariance import above_floor, covariance_of_pass, solution_of_pass
+from sixflow.refine.light import light_of_windows
+from sixflow.refine.moments import Moments
+from sixflow.refine.problem import Pass, PixelWeights, State
+from sixflow.refine.solution import Solution, WindowStatistics
+from sixflow.refine.sweep import Sweep, mean_plane
+from sixflow.refine.windows import WindowSums, window_means, window_sums
+
+GRID_STRIP = 16
+Array = NDArray[Any]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LeastSquaresPass(Pass):
+    """A pass, and the sums that it was solved from.
+
+    Attributes
+    ----------
+    sums : WindowSums
+    moments : Moments
+    images : Images or None
+        What was compared, where pixels are weighed or a low-pass is in front.
+    """
+
+    sums: WindowSums
+    moments: Moments
+    images: Images | None
+
+
+class LeastSquares:
+    """Least-squares passes over one level of one pair of frames.
+
+    Parameters
+    ----------
+    still, moved : Frame
+        Both at the level's resolution.
+    grid : Grid
+    plan : Plan
+    """
+
+    def __init__(self, still: Frame, moved: Frame, grid: Grid, plan: Plan) -> None:
+        self.still, self.moved, self.grid, self.plan = still, moved, grid, plan
+        self.sigma = plan.window.sigma
+        self.sweep = Sweep(
+            still, moved, grid, self.sigma, degree=plan.degree, lowpass=plan.lowpass, central=self.central
+        )
+        self.floor = floor_of_windows(still, moved, grid, self.sigma)
+        self.rounded = max(still.rounded, moved.rounded)
+
+    @property
+    def central(self) -> bool:
+        """Whether both frames are brought to the middle."""
+        return self.plan.reference == "middle"
+
+    def step(self, maps: Array, state: State, *, total: bool = True, last: bool = False) -> LeastSquaresPass:
+        """Make a pass (`Problem.step`)."""
+        by_window = self.plan.lighting == "gain+offset"
+        if by_window and state.light is None:
+            sums = window_sums(self.sweep.moments(maps, total=total), self.grid, self.sigma)
+            state = dataclasses.replace(state, light=light_of_windows(sums))
+        images, weights = None, state.weights
+        if weights is None and not (last and self.plan.lowpass):
+            moments = self.sweep.moments(maps, total=total, light=state.light, sandwich=last)
+        else:
+            images = self.sweep.images(maps, total=total, light=state.light)
+            if weights is not None:
+                weights = self._weighed(images, weights)
+            moments = self.sweep.moments_of(
+                images, None if weights is None else weights.weight, sandwich=last
+            )
+        sums = window_sums(moments, self.grid, self.sigma)
+        solution, update = self._solved(sums, maps, total)
+        light = light_of_windows(sums) if by_window else None
+        return LeastSquaresPass(
+            start=maps, maps=solution, update=update, statistics=self._statistics(sums, update),
+            state=State(light, weights), sums=sums, moments=moments, images=images,
+        )  # fmt: skip
+
+    def counted(self, maps: Array, state: State) -> NDArray[np.bool_]:
+        """Pixels that have a partner (`Problem.counted`)."""
+        return np.isfinite(self.sweep.images(maps, light=state.light).residual)
+
+    def solution(
+        self, found: Pass, maps: Array, left: Array, *, sharpened: bool = False, held: Array | None = None
+    ) -> Solution:
+        """Return the field that a last pass found (`Problem.solution`)."""
+        assert isinstance(found, LeastSquaresPass)
+        covariance, statistics = covariance_of_pass(self, found, sharpened=sharpened)
+        solution = solution_of_pass(
+            self.plan, covariance, statistics, maps, left, sharpened=sharpened, held=held
+        )
+        if found.state.light is None:
+            return solution
+        return solution.replace(light=np.moveaxis(found.state.light, 0, -1))
+
+    def _solved(self, sums: WindowSums, maps: Array, total: bool) -> tuple[Array, Array]:
+        """The solution of the normal equations, and the change of the motion that it makes."""
+        known = self.grid.plane(mean_plane(maps, self.grid)) if total else maps
+        if self.plan.group != "affine":
+            normal, right = normal_equations(sums)
+            base, basis = allowed(self.plan.group, maps, self.sigma)
+            done = unknowns(known, self.sigma)
+            solution = maps_of(confined(normal, right, base - done, basis) + done, self.sigma)
+            return solution, with_shared_gradients(solution, self.grid.step) - maps
+        increment = np.empty((6, *self.grid.shape))
+        over_strips(
+            lambda a, b: solve_strip(sums.normal, self.sigma, a, b, increment), self.grid.rows, GRID_STRIP
+        )
+        solution = increment + known
+        return solution, solution - maps
+
+    def _weighed(self, images: Images, weights: PixelWeights) -> PixelWeights:
+        """Find the weights of pixels again, unless they stay."""
+        if not weights.changing:
+            return dataclasses.replace(weights, times=weights.times + 1)
+        shape, dtype = images.residual.shape, images.residual.dtype
+        raw = np.empty(shape, dtype)
+        weight = np.ones(shape, dtype) if weights.weight is None else weights.weight.copy()
+        find_weights(images.residual, images.gradient_x, images.gradient_y, images.still, raw, weight)
+        return PixelWeights(raw, weight, weights.times + 1, weights.partner)
+
+    def _statistics(self, sums: WindowSums, update: Array) -> WindowStatistics:
+        weight, absolute, square, mean, power = np.moveaxis(sums.statistics[..., :5], -1, 0).astype(
+            np.float64
+        )
+        explained = np.empty(self.grid.shape)
+        over_strips(
+            lambda a, b: explained_strip(sums.normal, update, self.sigma, a, b, explained),
+            self.grid.rows,
+            GRID_STRIP,
+        )
+        with np.errstate(invalid="ignore", divide="ignore"):
+            left = np.clip(1 - explained / square, 0.01, 1)
+            noise = np.sqrt(left) * absolute / weight * np.sqrt(np.pi) / 2  # E|r| = √(2/π)·√2·noise
+            contrast = np.sqrt(np.maximum(power / weight - (mean / weight) ** 2, 0))
+            residual = np.sqrt(left * square / weight) / contrast
+            tail = 2 / np.pi * left * square * weight / absolute**2
+        added = above_floor(noise, self.floor * self.rounded)[
+            0
+        ]  # what a codec left out is not in the gradients
+        noise_gradient = self._gradient_noise(added, weight)
+        texture, rho = np.empty(self.grid.shape), np.empty(self.grid.shape)
+        over_strips(
+            lambda a, b: texture_strip(sums.normal, noise_gradient, a, b, texture, rho),
+            self.grid.rows,
+            GRID_STRIP,
+        )
+        noise, lacking = above_floor(noise, self.floor)
+        return WindowStatistics(weight, noise, residual, left, noise_gradient, texture, rho, tail, lacking)
+
+    def _gradient_noise(self, noise: Array, weight: Array) -> Array:
+        """γ: what noise adds to Σ w g_x²."""
+        interpolated = 2 if self.central else 1
+        share = gradient_noise(self.plan.degree, DERIVATIVE, interpolated, self.plan.lowpass)
+        return np.asarray(share * noise**2 * weight)
+
+
+def normal_equations(sums: WindowSums) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Normal matrix and right-hand side of θ; (rows, columns, 6, 6) and (rows, columns, 6)."""
+    return normal_matrices(sums.normal), sums.normal[..., 18:].astype(np.float64)
+
+
+def mean_floor(still: Frame, moved: Frame) -> float | Array:
+    """Root mean square of both frames' floors; that of the reference's pixels where it differs from pixel to pixel."""
+    if isinstance(still.floor, float) and isinstance(moved.floor, float):
+        return math.hypot(still.floor, moved.floor) / math.sqrt(2)
+    return np.broadcast_to(still.floor, still.image.shape)
+
+
+def floor_of_windows(still: Frame, moved: Frame, grid: Grid, sigma: float) -> float | NDArray[np.float64]:
+    """Root mean square of the floor under each window."""
+    floor, valid = mean_floor(still, moved), still.counted()
+    if isinstance(floor, float):
+        return floor
+    counted = valid.astype(still.image.dtype) if valid.size else np.ones_like(still.image)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        square, share = window_means((floor**2 * counted, counted), grid, sigma)
+        return np.asarray(np.sqrt(square / share))

@@ -1,0 +1,200 @@
+"""Moments of a sweep at the nodes of a lattice: a value, which adds over parts of a frame and over pairs.
+
+The nodes stand b px apart, b the largest power of two that is no larger than the window's σ, so that hats about them
+make up a Gaussian (`sixflow.engine.windows`), and so that lattices of several windows merge into each other. A point of
+the grid is a node, where that can be. X and Y are counted from each node in units of b.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.moments import Part, plane_at, plane_count
+from sixflow.engine.sweep import NORMAL_RANKS, SANDWICH_RANKS, STATISTICS_RANKS
+from sixflow.engine.threads import over_strips
+from sixflow.errors import InputError
+from sixflow.maps.grid import Grid
+
+Ranks = tuple[int, int, int]
+STRIP = 64
+"""Pixel rows of a strip, at least: what a strip needs of its neighbours' rows is then a small part."""
+
+
+def node_spacing(sigma: float) -> int:
+    """Largest power of two that is no larger than σ, at least 1.
+
+    Examples
+    --------
+    >>> node_spacing(8.7), node_spacing(1.4)
+    (8, 1)
+    """
+    spacing = 1
+    while 2 * spacing <= sigma:
+        spacing *= 2
+    return spacing
+
+
+@dataclasses.dataclass(frozen=True)
+class Lattice:
+    """Nodes at columns x0 + i·spacing and rows y0 + j·spacing, which cover a frame: px, x0 and y0 at most 0.
+
+    Examples
+    --------
+    >>> Lattice.over((64, 48), Grid.over((64, 48), 8), 8)
+    Lattice(x0=-5, y0=-5, spacing=8, columns=8, rows=10)
+    """
+
+    x0: int
+    y0: int
+    spacing: int
+    columns: int
+    rows: int
+
+    @classmethod
+    def over(cls, shape: tuple[int, int], grid: Grid, spacing: int) -> Lattice:
+        """Return the nodes that cover a frame (height, width); the first point of the grid is one of them."""
+        y0, x0 = (-(-origin % spacing) for origin in (grid.y0, grid.x0))
+        rows, columns = (
+            (size - 1 - first) // spacing + 2 for size, first in zip(shape, (y0, x0), strict=True)
+        )
+        return cls(x0, y0, spacing, columns, rows)
+
+    def part(self, cells: tuple[int, int], rows: tuple[int, int]) -> Part:
+        """Rows of cells first … last (exclusive), of which the pixel rows `rows`, at most, count."""
+        top, bottom = (self.y0 + self.spacing * cell for cell in cells)
+        return Part((self.x0, self.y0), (max(rows[0], top), min(rows[1], bottom)), cells)
+
+    def coarser(self) -> Lattice:
+        """Every second node, from the first on."""
+        rows, columns = (size // 2 + 1 for size in (self.rows, self.columns))
+        return Lattice(self.x0, self.y0, 2 * self.spacing, columns, rows)
+
+
+@dataclasses.dataclass(frozen=True)
+class Moments:
+    """What a sweep has summed about every node, weighted by hats.
+
+    Attributes
+    ----------
+    lattice : Lattice
+    normal : array, shape (node rows, 24, node columns)
+        g_x², g_x g_y, g_y² with 1, X, Y, X², XY, Y²; g_x q, g_y q with 1, X, Y; in the order of
+        `sixflow.engine.moments.plane_at`.
+    statistics : array, shape (node rows, 8, node columns)
+        1, |r|, r², I₀, I₀², I₁, I₁², I₀I₁ over the pixels that have a partner. I₁ is the warped frame before its light
+        is corrected.
+    sandwich : array, shape (node rows, 18, node columns), or None
+        r²g_x², r²g_x g_y, r²g_y² with 1, X, Y, X², XY, Y².
+    """
+
+    lattice: Lattice
+    normal: NDArray[Any]
+    statistics: NDArray[Any]
+    sandwich: NDArray[Any] | None = None
+
+    def __add__(self, other: Moments) -> Moments:
+        """Moments of two parts of a frame, or of two pairs.
+
+        Raises
+        ------
+        InputError
+            If their nodes are not the same, or one has a sandwich and the other has not.
+        """
+        if not isinstance(other, Moments):
+            return NotImplemented
+        if self.lattice != other.lattice:
+            raise InputError(
+                f"moments about {other.lattice} cannot be added to those about {self.lattice}: use one grid"
+            )
+        if (self.sandwich is None) != (other.sandwich is None):
+            raise InputError(
+                "moments with a sandwich cannot be added to those without: sum it in both, or in neither"
+            )
+        sandwich = None if self.sandwich is None or other.sandwich is None else self.sandwich + other.sandwich
+        return Moments(self.lattice, self.normal + other.normal, self.statistics + other.statistics, sandwich)
+
+    def coarser(self) -> Moments:
+        """Moments about every second node, under hats of twice the width: exactly what a sweep would sum."""
+        sandwich = None if self.sandwich is None else _merged(self.sandwich, SANDWICH_RANKS)
+        normal, statistics = _merged(self.normal, NORMAL_RANKS), _merged(self.statistics, STATISTICS_RANKS)
+        return Moments(self.lattice.coarser(), normal, statistics, sandwich)
+
+
+def _merged(planes: NDArray[Any], ranks: Ranks) -> NDArray[Any]:
+    """Merge moments along y, then along x.
+
+    A node at the distance d = 0, ±½ (in units of twice the spacing) from a coarser one gives it 1 or ½ of its moments,
+    translated: X^a → (X/2 + d)^a.
+    """
+    for axis in (1, 0):  # of X and Y
+        place = 0 if axis else 2
+        nodes = np.moveaxis(planes, place, 0)
+        even, odd = nodes[0::2], nodes[1::2]
+        out = np.zeros((len(nodes) // 2 + 1, *nodes.shape[1:]), planes.dtype)
+        out[: len(even)] += _translated(even, ranks, axis, 0.0)
+        out[: len(odd)] += _translated(odd, ranks, axis, 0.5) / 2
+        out[1 : 1 + len(odd)] += _translated(odd, ranks, axis, -0.5) / 2
+        planes = np.moveaxis(out, 0, place)
+    return np.ascontiguousarray(planes)
+
+
+def _translated(nodes: NDArray[Any], ranks: Ranks, axis: int, d: float) -> NDArray[Any]:
+    """Moments with X (axis 0) or Y (axis 1) replaced by X/2 + d; the planes are axis 1 or 0 of what is left."""
+    # nodes: (n, planes, columns) along y, (n, rows, planes) along x
+    planes = nodes if axis == 1 else np.swapaxes(nodes, 1, 2)
+    out = planes.copy()
+    for order, count in zip((2, 1), ranks[:2], strict=True):
+        at = {
+            (a, c): slice(plane_at(ranks, order, a, c), plane_at(ranks, order, a, c) + count)
+            for a in range(order + 1)
+            for c in range(order + 1 - a)
+        }
+        for (a, c), here in at.items():
+            power = c if axis else a
+            lower = [at[(a - k, c) if axis == 0 else (a, c - k)] for k in range(power + 1)]
+            parts = [planes[:, part] for part in lower]  # of powers power, power − 1, …
+            if power == 1:
+                out[:, here] = parts[0] / 2 + d * parts[1]
+            elif power == 2:
+                out[:, here] = parts[0] / 4 + d * parts[1] + d * d * parts[2]
+    return out if axis == 1 else np.swapaxes(out, 1, 2)
+
+
+def summed(
+    lattice: Lattice, ranks: tuple[Ranks, ...], dtype: Any,
+    task: Callable[[tuple[int, int], list[NDArray[Any]], list[NDArray[Any]]], None],
+) -> list[NDArray[Any]]:  # fmt: skip
+    """Sum moments in strips of rows of cells, on all processors; the sums do not depend on how many there are.
+
+    Parameters
+    ----------
+    lattice : Lattice
+    ranks : tuple of (int, int, int)
+        For each array of planes (`sixflow.engine.moments.Cells`).
+    dtype : dtype
+    task : callable
+        Called with the first and last (exclusive) row of cells of a strip, arrays of shape (node rows, planes · nodes)
+        to add to, and lines of shape (planes · nodes,) for the node row that the strip shares with the next.
+
+    Returns
+    -------
+    list of arrays, shape (node rows, planes, node columns)
+    """
+    cells, height = lattice.rows - 1, max(1, STRIP // lattice.spacing)
+    sizes = [plane_count(each) * lattice.columns for each in ranks]
+    sums = [np.zeros((lattice.rows, size), dtype) for size in sizes]
+    edges = [np.zeros((-(-cells // height), size), dtype) for size in sizes]
+
+    def sum_strip(start: int, stop: int) -> None:
+        task((start, stop), sums, [edge[start // height] for edge in edges])
+
+    over_strips(sum_strip, cells, height)
+    for total, edge in zip(sums, edges, strict=True):
+        for strip, line in enumerate(edge):  # the shares of two strips are all that such a row has
+            total[min((strip + 1) * height, cells)] += line
+    return [total.reshape(lattice.rows, -1, lattice.columns) for total in sums]

@@ -1,0 +1,194 @@
+"""Problem: what the refinement of a field asks of a method, and what it gets back from a pass.
+
+A method compares two frames for the motion as it is known, and solves for the six numbers of every window at once. Two
+methods do so: every pixel by itself (`least_squares`), or the responses of operators (`sixflow.eigenfilters`).
+
+A pass takes maps and a state, and returns a new one. It changes neither, and asking the same twice gives the same.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.maps.grid import Grid
+from sixflow.plan import Plan
+from sixflow.refine.solution import Solution, WindowStatistics
+
+Array = NDArray[Any]
+
+MINIMUM_TEXTURE = 1.0
+"""Power of the gradients in a window's weakest direction, over that of noise, below which there is no texture."""
+MINIMUM_WEIGHT = 0.2
+"""Share of a window on pixels that have a partner, below which a point is not measured."""
+MINIMUM_KEPT = 0.1
+"""The same where outlying pixels are down-weighted: fewer pixels could match by chance."""
+TRUSTED_RESIDUAL = 0.6
+"""Zero-normalised residual (correlation 0.82) of a start that finer levels build upon."""
+FREEZE = 10
+"""Weighed passes after which the weights stay: pixels in doubt could change sides for ever."""
+CONTRACTION = 0.05
+"""What a pass leaves of the distance to its fixed point, at least (measured: 0.01 to 0.03)."""
+WEIGHED_CONTRACTION = 0.4
+"""The same where the weights of pixels change from pass to pass."""
+
+
+@dataclasses.dataclass(frozen=True)
+class PixelWeights:
+    """Weights of pixels: 1, less for those whose residual is far beyond noise, 0 for outlying ones.
+
+    Attributes
+    ----------
+    raw : array, shape (height, width), or None
+        Of every pixel by itself; None before the first weighing.
+    weight : array of the same shape, or None
+        With those of its neighbours taken into account; None: all 1.
+    times : int
+        How often they were found.
+    partner : array, shape (rows, columns)
+        Share of each window on pixels that have a partner, outlying ones included.
+    """
+
+    raw: Array | None
+    weight: Array | None
+    times: int
+    partner: Array
+
+    @property
+    def changing(self) -> bool:
+        """Whether the next pass finds them again."""
+        return self.times < FREEZE
+
+
+@dataclasses.dataclass(frozen=True)
+class State:
+    """What a pass takes over from the one before it.
+
+    Attributes
+    ----------
+    light : array, shape (2, rows, columns), or None
+        Gain and offset of every window's light; None where light is steady or not yet known.
+    weights : PixelWeights or None
+        None: pixels are not weighed.
+    """
+
+    light: Array | None = None
+    weights: PixelWeights | None = None
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Pass:
+    """What a pass found.
+
+    Attributes
+    ----------
+    start, maps : float64 array, shape (6, rows, columns)
+        What the pass began with, and its solution; NaN where the equations were singular.
+    update : array of the same shape
+        The change of the motion that the frames were compared with.
+    statistics : WindowStatistics
+        Of the residual that the start left.
+    state : State
+        For the next pass.
+    """
+
+    start: Array
+    maps: Array
+    update: Array
+    statistics: WindowStatistics
+    state: State
+
+    @property
+    def weighed(self) -> bool:
+        """Whether outlying pixels were down-weighted."""
+        return self.state.weights is not None
+
+    @property
+    def moved(self) -> Array:
+        """Distance between start and solution, px; shape (rows, columns)."""
+        return np.hypot(self.maps[0] - self.start[0], self.maps[1] - self.start[1])
+
+    @property
+    def measurable(self) -> NDArray[np.bool_]:
+        """Where there was enough of a window, and texture above the noise; shape (rows, columns)."""
+        least = MINIMUM_KEPT if self.weighed else MINIMUM_WEIGHT
+        with np.errstate(invalid="ignore"):
+            enough = self.statistics.weight > least
+            return np.asarray(enough & (self.statistics.texture > MINIMUM_TEXTURE))
+
+    @property
+    def trusted(self) -> NDArray[np.bool_]:
+        """Where the windows look alike besides."""
+        with np.errstate(invalid="ignore"):
+            return self.measurable & (self.statistics.residual < TRUSTED_RESIDUAL)
+
+    @property
+    def changing(self) -> bool:
+        """Whether the weights of pixels may still change."""
+        weights = self.state.weights
+        return weights is not None and weights.changing
+
+    @property
+    def left(self) -> Array:
+        """How far each point may still be from its fixed point, px; shape (rows, columns).
+
+        The update times the rate at which passes contract: the noise's share of the normal matrix, or a few percent
+        where that is less.
+        """
+        rho = self.statistics.rho
+        with np.errstate(invalid="ignore", divide="ignore"):
+            noise_share = np.where(rho >= 0, rho / (1 + rho), 1.0)
+        rate = np.clip(noise_share, WEIGHED_CONTRACTION if self.changing else CONTRACTION, 0.9)
+        return np.asarray(self.moved * rate / (1 - rate))
+
+    @property
+    def explained(self) -> float:
+        """Share of the residual's power that the update took out, median over the points."""
+        return 1 - float(np.nanmedian(self.statistics.left))
+
+
+class Problem(Protocol):
+    """Two frames, a grid and a plan, compared by one method."""
+
+    grid: Grid
+    plan: Plan
+
+    def step(self, maps: Array, state: State, *, total: bool = True, last: bool = False) -> Pass:
+        """Make a pass.
+
+        Parameters
+        ----------
+        maps : float64 array, shape (6, rows, columns)
+            u, v, u_x, u_y, v_x, v_y at the grid points, without NaN.
+        state : State
+        total : bool
+            Total form, or increment form (a sharpening pass).
+        last : bool
+            Keep what the covariance needs.
+        """
+        ...
+
+    def counted(self, maps: Array, state: State) -> NDArray[np.bool_]:
+        """Pixels that have a partner; shape (height, width)."""
+        ...
+
+    def solution(
+        self, found: Pass, maps: Array, left: Array, *, sharpened: bool = False, held: Array | None = None
+    ) -> Solution:
+        """Return the field that a last pass found, with its covariance, not yet judged.
+
+        Parameters
+        ----------
+        found : Pass
+            Made with `last=True`.
+        maps, left : array, shape (6, rows, columns) and (rows, columns)
+            The field, and how far its points may be from their fixed points.
+        sharpened : bool
+            Whether it was sharpened as the plan says.
+        held : bool array, shape (rows, columns), optional
+            Points that sharpening left as they were.
+        """
+        ...
