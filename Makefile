@@ -29,6 +29,7 @@ types: $(STAMP)
 benchmarks: $(STAMP)
 	$(BIN)/python -m pip install --quiet --editable '.[benchmarks]'
 	$(BIN)/python benchmarks/limit.py
+	$(BIN)/python benchmarks/lowpass.py
 	$(BIN)/python benchmarks/speed.py
 	$(BIN)/python benchmarks/resolution.py
 	$(BIN)/python benchmarks/robust.py

@@ -41,20 +41,19 @@ def cramer_rao(pattern: Any, side: int, grid: Grid, window: float, noise: float)
 
     H⁻¹ (Σ w² 2σ² J Jᵀ) H⁻¹ with the pattern's analytic gradient and the true noise σ in both frames.
     """
-    from sixflow.engine.taps import moments_strip, sandwich_strip
     from sixflow.engine.window import moment_weights
 
     x, y = np.meshgrid(np.arange(side, dtype=float), np.arange(side, dtype=float))
-    gradient_x, gradient_y = (np.ascontiguousarray(g) for g in pattern.gradient(x, y))
+    gradient_x, gradient_y = pattern.gradient(x, y)
+    products = gradient_x * gradient_x, gradient_x * gradient_y, gradient_y * gradient_y
     sigma = window / np.sqrt(4 * np.pi)
-    normal, meat = np.empty((*grid.shape, 24)), np.empty((*grid.shape, 18))
-    place = grid.origin_and_step
-    moments_strip(
-        gradient_x, gradient_y, np.zeros_like(x), moment_weights(sigma), place, 0, grid.rows, normal
+    normal, meat = (
+        np.concatenate(
+            [_window_moments(product, grid, moment_weights(sigma, power=power)) for product in products], -1
+        )
+        for power in (1, 2)
     )
-    constant = np.full_like(x, np.sqrt(2) * noise)
-    squared = moment_weights(sigma, power=2)
-    sandwich_strip(gradient_x, gradient_y, constant, squared, place, 0, grid.rows, meat)
+    meat *= 2 * noise**2
     bread = np.linalg.inv(_matrix(normal))
     covariance = bread @ _matrix(meat) @ bread
     g = 1 / sigma  # unknowns are u, σu_x, σu_y, v, σv_x, σv_y
@@ -69,6 +68,20 @@ def cramer_rao(pattern: Any, side: int, grid: Grid, window: float, noise: float)
         ]
     )
     return np.sqrt(np.diagonal(to_six @ covariance @ to_six.T, axis1=-2, axis2=-1))
+
+
+def _window_moments(plane: np.ndarray, grid: Grid, weights: np.ndarray) -> np.ndarray:
+    """Σ w (1, X, Y, X², XY, Y²) plane at the grid points; a window sums what lies within the plane."""
+    down, across = (_weight_tables(points, plane.shape[0], weights) for points in (grid.y, grid.x))
+    powers = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # of X and Y
+    return np.stack([down[of_y] @ plane @ across[of_x].T for of_x, of_y in powers], axis=-1)
+
+
+def _weight_tables(points: np.ndarray, size: int, weights: np.ndarray) -> np.ndarray:
+    """The weights w, wX, wX² of every grid point at every pixel of an axis, shape (3, points, size)."""
+    reach = weights.shape[1] // 2
+    at = np.arange(size) - np.asarray(points)[:, None] + reach
+    return np.where((at >= 0) & (at <= 2 * reach), weights[:, np.clip(at, 0, 2 * reach)], 0.0)
 
 
 def _matrix(moments: np.ndarray) -> np.ndarray:

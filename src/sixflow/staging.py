@@ -71,6 +71,8 @@ def remove(path: Path) -> None:
 def staged_files(folder: Path, names: Sequence[str], overwrite: bool) -> Iterator[Path]:
     """Give a place to write files to; all of them appear in the folder in the end, and on an error none does.
 
+    Raises FieldFileError if a file is in the way, or the folder cannot be made or written to.
+
     Parameters
     ----------
     folder : Path
@@ -79,11 +81,6 @@ def staged_files(folder: Path, names: Sequence[str], overwrite: bool) -> Iterato
         Of the files.
     overwrite : bool
         Whether files of these names are replaced.
-
-    Raises
-    ------
-    FieldFileError
-        If a file is in the way, or the folder cannot be made or written to.
     """
     with disk_errors(folder):
         made = _make(folder)

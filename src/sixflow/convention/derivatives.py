@@ -17,7 +17,7 @@ the logarithm's, taken from it, stays right next to the half turn where the loga
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +32,7 @@ from sixflow.errors import InputError
 _STEP = 2.0**-18  # rounding 1e-11 of the derivative, truncation 1e-22 × the fifth derivative
 _FOUR_FROM_G = SIX_FROM_GRADIENT[2:, 2:].reshape(4, 2, 2)
 _IDENTITY = np.eye(2)
+_Table: TypeAlias = Mapping[Callable[..., Any], Callable[[Array], Array]]
 
 
 @silent
@@ -88,14 +89,6 @@ def numerical_jacobian(function: Callable[[Array], Any], value: ArrayLike, *, di
     return stacked.reshape(stacked.shape[:-1] + core)
 
 
-def _displacement(six: Array) -> Array:
-    return _repeat(np.eye(2, 6), six.shape[:-1])
-
-
-def _gradient(six: Array) -> Array:
-    return _repeat(GRADIENT_FROM_SIX[2:].reshape(2, 2, 6), six.shape[:-1])
-
-
 def _inverse_six(six: Array) -> Array:
     back = affine.inverse_six(six, invalid="nan")
     N = strain.deformation_gradient(gradient(back))
@@ -114,18 +107,6 @@ def _log_six(six: Array) -> Array:
     forward = _exp_six(affine.log_six(six, invalid="nan"))
     bad = ~np.isfinite(forward).all(axis=(-1, -2), keepdims=True)
     return np.where(bad, np.nan, np.linalg.inv(np.where(bad, np.eye(6), forward)))
-
-
-def _coefficients_from_six(six: Array) -> Array:
-    return _log_six(six) / affine.SIX_PER_COEFFICIENT[:, None]
-
-
-def _six_from_coefficients(coefficients: Array) -> Array:
-    return _exp_six(coefficients * affine.SIX_PER_COEFFICIENT) * affine.SIX_PER_COEFFICIENT
-
-
-def _deformation_gradient(G: Array) -> Array:
-    return _repeat(np.eye(4).reshape(2, 2, 2, 2), G.shape[:-2])
 
 
 def _green_lagrange(G: Array) -> Array:
@@ -167,14 +148,6 @@ def _hencky(G: Array) -> Array:
     return _where_unfolded(G, _from_four(_d_symmetric(d_half_log_det, d_log_xx, d_log_xy)))
 
 
-def _rotation_angle(G: Array) -> Array:
-    return _where_unfolded(G, _from_four(_d_angle(_four(G))))
-
-
-def _small_rotation(G: Array) -> Array:
-    return _repeat(_FOUR_FROM_G[1] / 2, G.shape[:-2])
-
-
 def _area_ratio(G: Array) -> Array:
     F = strain.deformation_gradient(G)
     cofactor = np.stack([F[..., 1, 1], -F[..., 1, 0], -F[..., 0, 1], F[..., 0, 0]], axis=-1)
@@ -199,33 +172,35 @@ def _principal_angle(tensor: Array) -> Array:
     return _tensor(-xy / square, a / square) / 4
 
 
-_OF_SIX = {
-    six_module.displacement: _displacement,
-    six_module.gradient: _gradient,
+_OF_SIX: _Table = {
+    six_module.displacement: lambda six: _repeat(np.eye(2, 6), six.shape[:-1]),
+    six_module.gradient: lambda six: _repeat(GRADIENT_FROM_SIX[2:].reshape(2, 2, 6), six.shape[:-1]),
     affine.inverse_six: _inverse_six,
     affine.exp_six: _exp_six,
     affine.log_six: _log_six,
-    affine.coefficients_from_six: _coefficients_from_six,
-    affine.six_from_coefficients: _six_from_coefficients,
+    affine.coefficients_from_six: lambda six: _log_six(six) / affine.SIX_PER_COEFFICIENT[:, None],
+    affine.six_from_coefficients: lambda tau: (
+        _exp_six(tau * affine.SIX_PER_COEFFICIENT) * affine.SIX_PER_COEFFICIENT
+    ),
 }
-_OF_GRADIENT = {
-    strain.deformation_gradient: _deformation_gradient,
+_OF_GRADIENT: _Table = {
+    strain.deformation_gradient: lambda G: _repeat(np.eye(4).reshape(2, 2, 2, 2), G.shape[:-2]),
     strain.green_lagrange: _green_lagrange,
     strain.almansi: _almansi,
     strain.hencky: _hencky,
     strain.biot: _biot,
     strain.small_strain: _small_strain,
-    strain.rotation_angle: _rotation_angle,
-    strain.small_rotation: _small_rotation,
+    strain.rotation_angle: lambda G: _where_unfolded(G, _from_four(_d_angle(_four(G)))),
+    strain.small_rotation: lambda G: _repeat(_FOUR_FROM_G[1] / 2, G.shape[:-2]),
     strain.area_ratio: _area_ratio,
 }
-_OF_TENSOR = {
+_OF_TENSOR: _Table = {
     principal.principal_values: _principal_values,
     principal.principal_angle: _principal_angle,
     principal.max_shear: _max_shear,
 }
 
-JACOBIANS: Mapping[Callable[..., Any], Callable[[Array], Array]] = _OF_SIX | _OF_GRADIENT | _OF_TENSOR
+JACOBIANS: _Table = {**_OF_SIX, **_OF_GRADIENT, **_OF_TENSOR}
 """Function → its derivative.
 
 The derivatives are NaN where the function has none: at maps without inverse or logarithm, at folds, and for

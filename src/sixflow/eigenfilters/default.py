@@ -99,15 +99,12 @@ def array_bank(window: float) -> FilterBank:
     that are no larger than the details of the pattern see nearly all that there is in the pixels with
     54 kernels, and the pooling window does the rest.
 
+    Raises InputError if the window is smaller.
+
     Parameters
     ----------
     window : float
         Of the pooled array, px, at least 10.
-
-    Raises
-    ------
-    InputError
-        If the window is smaller.
 
     Examples
     --------

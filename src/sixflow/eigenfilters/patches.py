@@ -24,16 +24,13 @@ BLOCK_BYTES = 32 * 2**20
 def finite_frame(frame: ArrayLike, name: str = "frame") -> NDArray[np.float64]:
     """Return a frame in double precision.
 
+    Raises InputError if it is no two-dimensional array of real numbers, is empty, or has a pixel without a value.
+
     Parameters
     ----------
     frame : array of real numbers, shape (height, width)
     name : str
         What the caller calls it, for the message of the error.
-
-    Raises
-    ------
-    InputError
-        If it is no two-dimensional array of real numbers, is empty, or has a pixel without a value.
     """
     array = check_frame(frame, name).astype(np.float64)
     missing = int(array.size - np.count_nonzero(np.isfinite(array)))
@@ -70,6 +67,9 @@ def patch_blocks(
 ) -> Iterator[tuple[slice, list[NDArray[Any]]]]:
     """Gather the patches of one or more frames about the same points.
 
+    Raises InputError if the frames differ in shape, the patch is larger than they are, or a point is not a pixel of
+    them.
+
     Parameters
     ----------
     frames : sequence of arrays, shape (height, width) each
@@ -87,11 +87,6 @@ def patch_blocks(
         Which of the points are in the block.
     patches : list of arrays, shape (points in the block, n²), one for each frame
         Rows (y) first, as in `FilterBank.matrix`.
-
-    Raises
-    ------
-    InputError
-        If the frames differ in shape, the patch is larger than they are, or a point is not a pixel of them.
 
     Examples
     --------

@@ -149,17 +149,14 @@ def six(field: xr.Dataset) -> xr.DataArray:
 def derive(field: xr.Dataset, name: str) -> xr.DataArray:
     """Compute a derived quantity, dims (..., *its own dims); NaN where it does not exist.
 
+    Raises InputError if there is no such quantity, or the field has lost the interval that a rate is divided by.
+
     Parameters
     ----------
     field : Dataset
         With the six numbers.
     name : str
         A key of `DERIVED`.
-
-    Raises
-    ------
-    InputError
-        If there is no such quantity, or the field has lost the interval that a rate is divided by.
     """
     recipe = _recipe(name)
     numbers = six(field)

@@ -52,10 +52,7 @@ class Elapsed:
 def elapsed(field: xr.Dataset) -> Elapsed:
     """Return the time between the two frames of each pair of a field, or of one pair.
 
-    Raises
-    ------
-    InputError
-        If the field had it, and has lost it.
+    Raises InputError if the field had it, and has lost it.
 
     Examples
     --------
@@ -119,16 +116,13 @@ def frames_apart(field: xr.Dataset) -> xr.DataArray:
 def with_frame_interval(field: xr.Dataset, frame_interval: float) -> xr.Dataset:
     """Return the field with the intervals of its pairs from the time between successive frames.
 
+    Raises InputError if it contradicts the times that the frames have.
+
     Parameters
     ----------
     field : Dataset
     frame_interval : float
         s, above 0. Of double frames, the time between the two frames of a pair.
-
-    Raises
-    ------
-    InputError
-        If it contradicts the times that the frames have.
     """
     known, before = elapsed(field), stored_settings(field).get("frame_interval")
     apart = frames_apart(field)

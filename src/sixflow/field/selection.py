@@ -47,17 +47,14 @@ def require_variable(field: xr.Dataset, name: str) -> xr.DataArray:
 def one_pair(field: xr.Dataset, time: int) -> xr.Dataset:
     """Return the pair of frames at position `time`, dims (y, x) with both coordinates increasing.
 
+    Raises InputError if `time` is no whole number, or there is no such pair.
+
     Parameters
     ----------
     field : Dataset
         With or without the dim time.
     time : int
         Position along time, from 0; negative positions count from the end.
-
-    Raises
-    ------
-    InputError
-        If `time` is no whole number, or there is no such pair.
     """
     count = field.sizes.get("time", 1)
     try:

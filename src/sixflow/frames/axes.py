@@ -94,6 +94,8 @@ def pick(value: int | str, axis: Axis, argument: str, name: str) -> int:
 def choose(axes: Sequence[Axis], selection: Selection, name: str) -> Choice:
     """Choose channel, slice and position of a stack, and the axis of its frames.
 
+    Raises InputError if a choice is missing or there is nothing of what was chosen.
+
     Parameters
     ----------
     axes : sequence of Axis
@@ -101,11 +103,6 @@ def choose(axes: Sequence[Axis], selection: Selection, name: str) -> Choice:
     selection : Selection
     name : str
         Of the file, for messages.
-
-    Raises
-    ------
-    InputError
-        If a choice is missing or there is nothing of what was chosen.
 
     Examples
     --------

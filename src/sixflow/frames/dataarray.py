@@ -30,17 +30,14 @@ def is_data_array(thing: Any) -> bool:
 def labelled(array: Any, name: str = "frames") -> Labelled:
     """Return a DataArray as an array whose axes have letters.
 
+    Raises InputError if rows and columns are not clear, or its times cannot be used.
+
     Parameters
     ----------
     array : xarray.DataArray
         Its dimensions are named, such as time, y and x, in any order.
     name : str
         For messages.
-
-    Raises
-    ------
-    InputError
-        If rows and columns are not clear, or its times cannot be used.
     """
     codes = codes_of_names([str(dim) for dim in array.dims], array.shape, name)
     dims = dict(zip(codes, array.dims, strict=True))

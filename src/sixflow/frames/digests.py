@@ -45,17 +45,14 @@ class FrameDigests:
     ) -> Iterator[Frame]:
         """Yield the frames from the first on, comparing those that are known and remembering the others.
 
+        Raises InputError if a frame differs from the one that was read before, or there are fewer.
+
         Parameters
         ----------
         frames : iterable
             Arrays, or `BadFrame`, all of which are alike.
         name_of : callable
             The name of a frame from its place, for messages.
-
-        Raises
-        ------
-        InputError
-            If a frame differs from the one that was read before, or there are fewer.
         """
         before, count = len(self.known), 0
         for count, frame in enumerate(frames, start=1):

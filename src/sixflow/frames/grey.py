@@ -27,6 +27,8 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 def to_grey(frame: Array, name: str) -> tuple[Array, tuple[str, ...]]:
     """Return the frame as a 2-D array, with notes on what was done to it.
 
+    Raises InputError if the array is no frame: wrong number of dimensions or channels, no pixels, or no real numbers.
+
     Parameters
     ----------
     frame : array, shape (h, w) or (h, w, c)
@@ -41,11 +43,6 @@ def to_grey(frame: Array, name: str) -> tuple[Array, tuple[str, ...]]:
         Integers and floats keep their type, booleans become 0 and 255 in uint8, float16, colour and frames with
         transparent pixels float32 (float64 where that needs more digits). Transparent pixels are NaN.
     notes : tuple of str
-
-    Raises
-    ------
-    InputError
-        If the array is no frame: wrong number of dimensions or channels, no pixels, or no real numbers.
 
     Examples
     --------

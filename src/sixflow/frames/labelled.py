@@ -78,10 +78,7 @@ def codes_of_names(dims: Sequence[str], shape: Sequence[int], name: str) -> tupl
 
     Names that say nothing (``dim_0``) are counted from the end: rows and columns are the last two.
 
-    Raises
-    ------
-    InputError
-        If only one of rows and columns is named, or two axes have one meaning.
+    Raises InputError if only one of rows and columns is named, or two axes have one meaning.
 
     Examples
     --------

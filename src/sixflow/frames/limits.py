@@ -20,10 +20,7 @@ DEFAULT_MIB = 1024
 def frame_limit() -> int:
     """Return the most bytes that one decoded frame may take.
 
-    Raises
-    ------
-    InputError
-        If the environment variable is no positive number.
+    Raises InputError if the environment variable is no positive number.
 
     Examples
     --------
@@ -52,6 +49,8 @@ def check_size(
 ) -> None:
     """Refuse a frame whose claimed size is beyond the limit, or beyond what is stored of it.
 
+    Raises FrameFileError if the frame would take more than `frame_limit` bytes, or more than `stored` times `growth`.
+
     Parameters
     ----------
     width, height, channels : int
@@ -64,11 +63,6 @@ def check_size(
         Bytes that the file holds of this frame, or bytes of the whole file.
     growth : float
         Most by which decoding makes them grow: 1 for pixels that are stored as they are, about 1032 for Deflate.
-
-    Raises
-    ------
-    FrameFileError
-        If the frame would take more than `frame_limit` bytes, or more than `stored` times `growth`.
 
     Examples
     --------

@@ -16,10 +16,7 @@ Real = NDArray[np.float64]
 def in_seconds(times: Any, name: str) -> tuple[Real, tuple[str, ...]]:
     """Times in seconds, growing, and what is to be said about them: dates count from the first.
 
-    Raises
-    ------
-    InputError
-        If they are no times, one of them is missing, or they do not grow.
+    Raises InputError if they are no times, one of them is missing, or they do not grow.
 
     Examples
     --------

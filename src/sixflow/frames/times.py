@@ -99,7 +99,7 @@ class FrameTimes:
     def of_pair(
         self, places: tuple[int, int], numbers: tuple[int, int], pairs: Pairs, reference: str
     ) -> PairTimes:
-        """Times of the pair of two frames.
+        """Times of the pair of two frames; InputError if there are fewer times than frames.
 
         Parameters
         ----------
@@ -111,11 +111,6 @@ class FrameTimes:
             How pairs are made; joined ones tell the time of the moved frame.
         reference : {"first", "middle", "second"}
             Frame in which the points lie.
-
-        Raises
-        ------
-        InputError
-            If there are fewer times than frames.
         """
         unit = "s" if self.stamps is not None or self._counted else "frame"
         time0, time1 = (self._time(*frame) for frame in zip(places, numbers, strict=True))
@@ -160,6 +155,9 @@ def given_times(
 ) -> FrameTimes:
     """Take the times that a user gives.
 
+    Raises InputError if they are no times, do not grow from frame to frame, are not one for each frame, or contradict
+    `frame_interval`.
+
     Parameters
     ----------
     times : sequence
@@ -172,12 +170,6 @@ def given_times(
         What is given beside them, s.
     double : bool
         Frames 0 and 1, 2 and 3 … are pairs, and `frame_interval` is the time between the two of them.
-
-    Raises
-    ------
-    InputError
-        If they are no times, do not grow from frame to frame, are not one for each frame, or contradict
-        `frame_interval`.
     """
     stamps, notes = in_seconds(times, "times")
     if count is not None and len(stamps) != count:

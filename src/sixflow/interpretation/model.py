@@ -46,6 +46,8 @@ _TERMS = 40  # exact to rounding for flows that turn or zoom by up to e in a fra
 def plane_in_window(eight: Array, x: Array, y: Array, blur: float) -> tuple[Array, Array]:
     """The six that are measured of a plane's displacement, and their derivative.
 
+    Raises InputError if a point goes to infinity or behind the camera.
+
     Parameters
     ----------
     eight : array, shape (8,)
@@ -59,11 +61,6 @@ def plane_in_window(eight: Array, x: Array, y: Array, blur: float) -> tuple[Arra
     -------
     six : array, shape (n, 6)
     derivative : array, shape (n, 6, 8)
-
-    Raises
-    ------
-    InputError
-        If a point goes to infinity or behind the camera.
     """
     H = expm(PROJECTIVE.algebra(coefficients_from_eight(eight)))
     six = homography_six(H, x, y)

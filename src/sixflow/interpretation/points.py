@@ -80,7 +80,7 @@ class Points:
 
 
 def select_points(field: xr.Dataset, region: Any, time: int, border: bool) -> Points:
-    """Return the points of a region.
+    """Return the points of a region; InputError if the field or the region cannot be used.
 
     Parameters
     ----------
@@ -91,11 +91,6 @@ def select_points(field: xr.Dataset, region: Any, time: int, border: bool) -> Po
         Position of the pair along time.
     border : bool
         Also points whose window reaches beyond the frame or the mask.
-
-    Raises
-    ------
-    InputError
-        If the field or the region cannot be used.
     """
     whole = require_field(field)
     pair = one_pair(whole, time)

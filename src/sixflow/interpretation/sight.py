@@ -79,17 +79,14 @@ class Sight:
 def look_at(fit: RegionFit, camera: Camera, point: tuple[float, float] | None) -> Sight:
     """Return the six rates of a region's flow at a point, in the frame of its line of sight.
 
+    Raises InputError if an argument cannot be used.
+
     Parameters
     ----------
     fit : RegionFit
     camera : Camera
     point : (x, y) or None
         px; None for the middle of the region's points.
-
-    Raises
-    ------
-    InputError
-        If an argument cannot be used.
     """
     require_fit(fit)
     require_kind("camera", camera, Camera, "Camera(focal=800)")

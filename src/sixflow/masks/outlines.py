@@ -60,14 +60,11 @@ def region_of(
 ) -> NDArray[np.bool_] | None:
     """Pixels of the region that the settings describe: in `roi`, in one of `polygons`, in none of `holes`.
 
+    Raises InputError if the rectangle reaches out of the frame, a polygon holds no pixel of it, or nothing is left.
+
     Returns
     -------
     bool array, shape `shape`, or None where nothing is said
-
-    Raises
-    ------
-    InputError
-        If the rectangle reaches out of the frame, a polygon holds no pixel of it, or nothing is left.
     """
     if roi is None and not polygons and not holes:
         return None

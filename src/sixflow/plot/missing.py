@@ -21,10 +21,10 @@ _MASKED = {"facecolor": MASKED_FACE, "edgecolor": MASKED_EDGE, "hatch": "/" * 6,
 _FAILED = {"facecolor": FAILED_FACE, "edgecolor": FAILED_EDGE, "hatch": "\\" * 6, "linewidth": 0.0}
 
 
-def fill_missing(ax: Axes, view: View, *, masked: bool = True, failed: bool = True) -> list[PathPatch]:
+def fill_missing(ax: Axes, view: View, *, failed: bool = True) -> list[PathPatch]:
     """Fill the cells of masked and failed points with their hatches; return the patches, masked first."""
     patches = []
-    for wanted, where, style in zip((masked, failed), view.missing, (_MASKED, _FAILED), strict=True):
+    for wanted, where, style in zip((True, failed), view.missing, (_MASKED, _FAILED), strict=True):
         if wanted and where.any():
             patch = PathPatch(_cells(where, view), **style)
             ax.add_patch(patch)

@@ -36,7 +36,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sixflow.array_checks import as_floats, broadcast, finite_floats, image_points
+from sixflow.array_checks import as_floats, broadcast, image_points
 from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.errors import InputError
 from sixflow.scenes.arguments import Array, pair
@@ -235,8 +235,3 @@ def require_eight(eight: object) -> Eight:
             f"eight={eight!r}: must be an Eight, such as Eight([u0, v0, A, B, C, D, E, F], centre=(320, 240))"
         )
     return eight
-
-
-def finite_coefficients(coefficients: ArrayLike) -> Array:
-    """Return coefficients, shape (..., 8), all finite; InputError if they are not."""
-    return finite_floats("coefficients", coefficients, (8,))

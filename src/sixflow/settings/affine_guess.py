@@ -29,15 +29,12 @@ _LEAST_AREA = 0.01
 def as_numbers(guess: Any) -> Numbers:
     """Return a first guess in numbers as a tuple of six, or of two rows of three.
 
+    Raises InputError if it is none of these, not finite, or folds the plane.
+
     Parameters
     ----------
     guess : array_like, shape (6,), (2, 3) or (3, 3), or str
         As text, six numbers with commas between.
-
-    Raises
-    ------
-    InputError
-        If it is none of these, not finite, or folds the plane.
 
     Examples
     --------

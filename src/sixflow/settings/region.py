@@ -21,17 +21,14 @@ FURTHEST = 1e7
 def as_polygons(value: Any, name: str) -> tuple[Polygon, ...]:
     """Return one polygon or several, as nested numbers or text, in one form.
 
+    Raises InputError if it is none of these, has a polygon of less than three corners, or numbers that are no places.
+
     Parameters
     ----------
     value : nested sequence, shape (corners, 2) or (polygons, corners, 2), or str
         As text, corners are "x,y" with blanks between, and polygons are separated by ";".
     name : str
         For messages.
-
-    Raises
-    ------
-    InputError
-        If it is none of these, has a polygon of less than three corners, or numbers that are no places.
 
     Examples
     --------
@@ -87,10 +84,7 @@ def _short(value: Any) -> str:
 def as_rectangle(value: Any) -> tuple[Span, Span]:
     """Return columns and rows of a region "x0:x1,y0:y1".
 
-    Raises
-    ------
-    InputError
-        If it is no such text, or holds no pixel.
+    Raises InputError if it is no such text, or holds no pixel.
 
     Examples
     --------

@@ -28,15 +28,12 @@ def locked(path: Path) -> Iterator[None]:
 
     Where the file system knows no locks, nothing is kept from anyone.
 
+    Raises FieldFileError if another writer has it.
+
     Parameters
     ----------
     path : Path
         The output, which need not exist; its folder does.
-
-    Raises
-    ------
-    FieldFileError
-        If another writer has it.
 
     Examples
     --------

@@ -50,6 +50,8 @@ def to_picture(
 ) -> tuple[Array, tuple[str, ...]]:
     """Return pixels as `sixflow.frames.grey.to_grey` takes them, with notes on what was done.
 
+    Raises FrameFileError if the interpretation is one that cannot be converted.
+
     Parameters
     ----------
     pixels : array, shape (h, w) or (h, w, samples)
@@ -62,11 +64,6 @@ def to_picture(
         The decoder has converted to RGB already.
     keep_indices : bool
         A palette only colours the display; the indices are the values.
-
-    Raises
-    ------
-    FrameFileError
-        If the interpretation is one that cannot be converted.
     """
     kind, samples = photometric(page), pixels.shape[2] if pixels.ndim == 3 else 1
     if is_rgb:

@@ -32,6 +32,8 @@ Box = tuple[float, float, float, float]
 def scatter(seed: int, density: float, box: Box) -> Array:
     """Random points of the plane inside (or just outside) a box.
 
+    Raises InputError if the box would hold more than 30 million points.
+
     Parameters
     ----------
     seed : int
@@ -45,11 +47,6 @@ def scatter(seed: int, density: float, box: Box) -> Array:
     -------
     float64 array, shape (n, 4)
         x, y, px, and two uniform numbers in [0, 1) for the traits of each point.
-
-    Raises
-    ------
-    InputError
-        If the box would hold more than 30 million points.
     """
     from sixflow.synth.patterns import _cells
 
