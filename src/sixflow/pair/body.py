@@ -4,7 +4,7 @@
 
 The search and its own refinement see from frame 0, with one window. Where the settings ask for another place to see
 from (`reference="middle"`) or for windows of more than one size (`window="auto"`), the field found is refined once more
-from there.
+from there. So it is where a body carries its light along (`prepare.light`), and the search did not know where to.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class Between:
                 self, settings=self.settings.replace(lighting="none"), doubtful=False
             )
             measured = steady._seen_as_asked(found)
-        elif simple == self.settings:
+        elif simple == self.settings and self.light is None:
             measured = self._single(found, simple)
         else:
             measured = self._seen_as_asked(found)
