@@ -65,13 +65,38 @@ def tile_levels_strip(
 
 
 @kernel
+def _is_rim(valid: NDArray[Any], y: int, x: int) -> bool:
+    """Whether any of the eight neighbours of a pixel is not valid."""
+    for j in range(y - 1, y + 2):
+        for i in range(x - 1, x + 2):
+            if valid[j, i] == 0:
+                return True
+    return False
+
+
+@kernel
+def _lone_at_rim(image: NDArray[Any], valid: NDArray[Any], y: int, x: int) -> float:
+    """B of a pixel of whose neighbours some are not valid: the opposite one stands in for such a one."""
+    p, least, most = float(image[y, x]), np.inf, -np.inf
+    for j, i in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        here, there = valid[y + j, x + i] != 0, valid[y - j, x - i] != 0
+        if not (here or there):
+            continue
+        a, b = float(image[y + j, x + i]), float(image[y - j, x - i])
+        d = p - 0.5 * ((a if here else b) + (b if there else a))
+        least, most = min(least, d), max(most, d)
+    return max(least, 0.0) + min(most, 0.0) if least <= most else 0.0
+
+
+@kernel
 def find_lone_strip(
-    image0: NDArray[Any], image1: NDArray[Any], levels: NDArray[Any], valid: NDArray[Any], start: int,
-    stop: int, found: NDArray[Any],
+    image0: NDArray[Any], image1: NDArray[Any], levels: NDArray[Any], valid: NDArray[Any], at_rim: float,
+    start: int, stop: int, found: NDArray[Any],
 ) -> None:  # fmt: skip
     """Mark pixels of the rows start … stop whose B exceeds the level of its tile in both images, with one sign.
 
-    `levels` is (2, tile rows, tile columns); `valid` uint8 (height, width), or (0, 0) where every pixel counts.
+    `levels` is (2, tile rows, tile columns); `valid` uint8 (height, width), or (0, 0) where every pixel counts. Beside
+    one that does not, levels are `at_rim` times as high.
     """
     width, half = image0.shape[1], image0.dtype.type(0.5)
     for y in range(start, stop):
@@ -85,11 +110,14 @@ def find_lone_strip(
                 b = row1[x] - (row1[x - 1] + row1[x + 1]) * half
                 out[x] = (abs(a) > least0) & (abs(b) > least1)
             for x in range(first, last):
-                if out[x]:
+                if valid.size and (valid[y, x] == 0 or _is_rim(valid, y, x)):
+                    out[x] = False
+                    if valid[y, x]:
+                        a, b = _lone_at_rim(image0, valid, y, x), _lone_at_rim(image1, valid, y, x)
+                        out[x] = abs(a) > at_rim * least0 and abs(b) > at_rim * least1 and a * b > 0
+                elif out[x]:
                     a, b = lone(image0, y, x), lone(image1, y, x)
                     out[x] = abs(a) > least0 and abs(b) > least1 and a * b > 0
-                    if valid.size and valid[y, x] == 0:
-                        out[x] = False
 
 
 @kernel

@@ -4,7 +4,7 @@
 
 The search and its own refinement see from frame 0, with one window. Where the plan asks for another place
 (`reference="middle"`) or for windows of more than one size (`window="auto"`), the field found is refined once more from
-there.
+there. So it is where a body carries its light along (`prepare.light`), and the search did not know where to.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Body:
         if self.doubtful and not self._confirmed(found):
             steady = dataclasses.replace(self, plan=self.plan.replace(lighting="none"), doubtful=False)
             found = steady._refined(found)
-        elif not self.plan.is_searched:
+        elif self.light is not None or not self.plan.is_searched:
             found = self._refined(found)
         if found.statistics.foreign is not None:
             found = found.with_flag("edge", self._refuted(found))

@@ -18,7 +18,9 @@ The value of a defective pixel is the biharmonic one, 20 p = 8 Σ(next) − 2 Σ
 cubic images; it would otherwise spread over the ten pixels around it when the frame is interpolated. What the
 replacement does not get right is left to the weights of `engine.weigh`.
 
-Only pixels that count in both frames are judged. Beside one that does not, the image is continued so that B is 0.
+Only pixels that count in both frames are judged. Where a neighbour does not count, the opposite one stands in for it.
+A slope then stands out as well, and B has to be twice as large. A mask of frame 0 alone says nothing of frame 1, where
+pixels beside it count: there defects are replaced too, found in both frames as they are without the mask.
 """
 
 from __future__ import annotations
@@ -40,6 +42,8 @@ OF_CONTRAST = 0.5
 """|B| of a defect over the local standard deviation: less disturbs no more than the pattern does."""
 ALONE = 0.9
 """|D| of a defect over |A|: particles of more than 1.9 px have less."""
+AT_RIM = 2.0
+"""Times the level beside pixels that do not count: slopes of a speckle reach it in one pixel of 10⁵."""
 _REACH = 1  # tiles around one that say what is usual there
 _SWEEPS, _REPAIR_SWEEPS = 2, 8
 _STRIP = 64
@@ -62,6 +66,7 @@ def defects(
     image1: NDArray[Any],
     valid0: NDArray[np.uint8] = NO_MASK,
     valid1: NDArray[np.uint8] = NO_MASK,
+    replaced: NDArray[np.int64] | None = None,
 ) -> NDArray[np.int64]:
     """Rows and columns of the defective pixels of a pair; shape (2, pixels).
 
@@ -71,28 +76,53 @@ def defects(
         Continued where they have no value.
     valid0, valid1 : uint8 array of the same shape, or `NO_MASK`
         Which of their pixels count.
+    replaced : int array, shape (2, pixels), optional
+        Defects that have been replaced: what stands beside them is alone.
     """
-    height, width = image0.shape
+    height = len(image0)
     found, counted = np.zeros(image0.shape, np.bool_), both_valid(valid0, valid1)
     levels = np.stack([_levels(image0, valid0), _levels(image1, valid1)])
     over_strips(
-        lambda a, b: find_lone_strip(image0, image1, levels, counted, max(a, 1), min(b, height - 1), found),
+        lambda a, b: find_lone_strip(
+            image0, image1, levels, counted, AT_RIM, max(a, 1), min(b, height - 1), found
+        ),
         height,
         _STRIP,
     )
-    y, x = np.nonzero(found) if found.any() else (np.empty(0, np.int64),) * 2
+    if not found.any():
+        return np.empty((2, 0), np.int64)
+    y, x = np.nonzero(found)
+    known = counted.astype(np.bool_) if counted.size else np.ones(image0.shape, np.bool_)
+    if replaced is not None:
+        known[tuple(replaced)] = False
     for image in (image0, image1):
-        if not len(y):
-            break
-        around = np.stack(
-            [image[np.clip(y + j, 0, height - 1), np.clip(x + i, 0, width - 1)] for j, i in _RING]
-        )
-        along = (
-            image[y, x] - np.stack([image[y, x - 1] + image[y, x + 1], image[y - 1, x] + image[y + 1, x]]) / 2
-        )
-        alone = np.abs(along).max(axis=0) > ALONE * np.abs(image[y, x] - np.median(around, axis=0))
+        alone = _is_alone(image, known, y, x)
         y, x = y[alone], x[alone]
     return np.stack([y, x])
+
+
+def _is_alone(
+    image: NDArray[Any], known: NDArray[np.bool_], y: NDArray[np.int64], x: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Whether |D| > 0.9 |A| at some pixels, shape (pixels,), by their neighbours that are known."""
+    height, width = image.shape
+
+    def beside(j: int, i: int) -> NDArray[Any]:
+        row, column = np.clip(y + j, 0, height - 1), np.clip(x + i, 0, width - 1)
+        return np.where(known[row, column], image[row, column], np.nan)
+
+    p = image[y, x]
+    differences = []
+    for j, i in ((0, 1), (1, 0)):
+        one, other = beside(j, i), beside(-j, -i)
+        one, other = np.where(np.isnan(one), other, one), np.where(np.isnan(other), one, other)
+        differences.append(np.nan_to_num(p - (one + other) / 2))
+    around = np.stack([beside(j, i) for j, i in _RING])
+    told = ~np.isnan(around).all(axis=0)
+    middle = np.zeros(p.shape, image.dtype)
+    middle[told] = np.nanmedian(around[:, told], axis=0)
+    alone: NDArray[np.bool_] = np.abs(differences).max(axis=0) > ALONE * np.abs(p - middle)
+    return alone & told
 
 
 def repaired(image: NDArray[Any], at: NDArray[np.int64], valid: NDArray[np.uint8] = NO_MASK) -> NDArray[Any]:
@@ -120,30 +150,42 @@ def repaired(image: NDArray[Any], at: NDArray[np.int64], valid: NDArray[np.uint8
     return continued(inner, valid) if valid.size else inner
 
 
-def without_defects(reference: Frame, moved: Frame) -> tuple[Frame, Frame, int]:
+def without_defects(
+    reference: Frame, moved: Frame, unmasked: Frame | None = None
+) -> tuple[Frame, Frame, int]:
     """The two frames with defective pixels replaced, and how many there are.
 
     Parameters
     ----------
     reference, moved : Frame
         At full resolution.
+    unmasked : Frame, optional
+        Frame 0 without its mask, where that does not hold in frame 1.
 
     Returns
     -------
     Frame, Frame, int
-        The same frames where no pixel is defective.
+        The same frames where no pixel is defective. Those outside the mask of frame 0 are not counted.
     """
     if min(reference.image.shape) < 3:
         return reference, moved, 0
-    images = [reference.image, moved.image]
-    places = np.empty((2, 0), np.int64)
+    frames = [reference, moved] if unmasked is None else [reference, moved, unmasked]
+    images = [frame.image for frame in frames]
+    inside, every = (np.empty((2, 0), np.int64) for _ in range(2))
     for _ in range(_SWEEPS):  # beside one that stands out far, others are found once it is gone
-        found = defects(images[0], images[1], reference.valid, moved.valid)
-        if not found.size:
+        found = defects(images[0], images[1], reference.valid, moved.valid, inside)
+        beside = np.empty((2, 0), np.int64)
+        if unmasked is not None:
+            beside = defects(images[2], images[1], unmasked.valid, moved.valid, every)
+            beside = beside[:, reference.valid[tuple(beside)] == 0]
+        if not found.size + beside.size:
             break
-        places = np.unique(np.concatenate([places, found], axis=1), axis=1)
-        images = [repaired(frame.image, places, frame.valid) for frame in (reference, moved)]
-    count = places.shape[1]
-    if not count:
-        return reference, moved, 0
-    return reference.showing(images[0]), moved.showing(images[1]), count
+        inside = np.unique(np.concatenate([inside, found], axis=1), axis=1)
+        every = np.unique(np.concatenate([every, found, beside], axis=1), axis=1)
+        images = [
+            repaired(frame.image, places, frame.valid)
+            for frame, places in zip(frames, (inside, every, every), strict=False)
+        ]
+    if inside.size:
+        reference = reference.showing(images[0])
+    return reference, moved.showing(images[1]) if every.size else moved, inside.shape[1]

@@ -107,7 +107,7 @@ class Frame:
         rim = (self.reach + 1) // 2
         if not rim and not (distance and self.valid.size):
             return self.valid
-        away = _eroded(self.valid, distance) if self.valid.size else np.ones(self.image.shape, np.uint8)
+        away = eroded(self.valid, distance) if self.valid.size else np.ones(self.image.shape, np.uint8)
         for axis in (0, 1):
             lines = np.moveaxis(away, axis, 0)
             lines[:rim] = lines[lines.shape[0] - rim :] = 0
@@ -129,14 +129,14 @@ def both_valid(*masks: NDArray[Any]) -> NDArray[np.uint8]:
     return np.logical_and.reduce(present).astype(np.uint8)
 
 
-def _eroded(valid: NDArray[np.uint8], reach: int) -> NDArray[np.uint8]:
+def eroded(valid: NDArray[np.uint8], reach: int) -> NDArray[np.uint8]:
     """Pixels of a mask that are further than `reach` from any outside of it, along rows, columns and both."""
-    eroded = valid.copy()
+    out = valid.copy()
     for axis in (0, 1):
-        before = eroded.copy()
+        before = out.copy()
         for shift in range(1, reach + 1):
-            _and_shifted(eroded, before, shift, axis)
-    return eroded
+            _and_shifted(out, before, shift, axis)
+    return out
 
 
 def _and_shifted(target: NDArray[Any], source: NDArray[Any], shift: int, axis: int) -> None:

@@ -25,11 +25,13 @@ from sixflow.engine.fir import filter_separable
 from sixflow.engine.window import CUT
 from sixflow.maps.grid import Grid
 from sixflow.maps.placing import placed, surface_of
-from sixflow.prepare.frame import Frame
+from sixflow.prepare.frame import Frame, eroded
 from sixflow.prepare.nodata import continued
 
 _COVERED = 1e-3
 """Share of the Gaussian that has to lie in a region for its light to be known."""
+_INWARD = 2
+"""px: pixels so near to the rim of a carried region are not in its light; the motion need not be right there."""
 _DIGITS = 64
 """Contrast that is told from rounding, in units of the last digit of the surroundings' root mean square."""
 
@@ -104,7 +106,7 @@ class BodyLight:
     unlit : Frame
         That frame, frame 1, before its light was divided out.
     inside : uint8 array, shape (height, width)
-        The region in frame 0.
+        The region in frame 0, less a rim of 2 px.
     grid : Grid
     sigma : float
         Of the window, px.
@@ -178,8 +180,10 @@ def body_lit(
     Frame, Frame, BodyLight or None
         Both frames, and what divides out the light of frame 1 once the motion is known.
     """
-    first, second = flattened(asked, sigma), flattened(other, sigma)
+    second = flattened(other, sigma)
     if carried is None or not asked.valid.size:
-        return first, second, None
+        return flattened(asked, sigma), second, None
     grid, backwards = carried
-    return first, second, BodyLight(other, asked.valid, grid, sigma, backwards)
+    inside = eroded(asked.valid, _INWARD)
+    inside = inside if inside.any() else asked.valid
+    return flattened(asked, sigma, inside), second, BodyLight(other, inside, grid, sigma, backwards)

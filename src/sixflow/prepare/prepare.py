@@ -226,7 +226,8 @@ def prepare_pair(
     blank, dead = (0, 0), 0
     if robust:
         first, second, blank = without_blanks(first, second)
-        first, second, dead = without_defects(first, second)
+        unmasked = reference.frame if region.size and there is None else None
+        first, second, dead = without_defects(first, second, unmasked)
     # without a mask of its own, frame 1 is compared where that of frame 0 is
     alike = second if there is not None else second.within(both_valid(region, second.valid))
     change = Change.between(Light.of(first, scale), Light.of(alike, scale))
