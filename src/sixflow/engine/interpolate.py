@@ -1,8 +1,7 @@
 """Interpolate: a frame at displaced places, by its B-spline (`spline`).
 
-A row is interpolated in runs over which the whole-pixel part of the displacement does not change; in a run the
-coefficients stand side by side in memory, and the compiler makes vector code of it. All arithmetic is in the type of
-the frame: a constant of another type would halve the lanes.
+The weights along y are lines, one per tap; the sum over the taps of a pixel is in `pixel`. All arithmetic is in the
+type of the frame: a constant of another type would halve the lanes.
 """
 
 from __future__ import annotations
@@ -13,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.engine.compiler import inner, kernel
-from sixflow.engine.lines import fill_line
+from sixflow.engine.pixel import spline_sum
 from sixflow.engine.spline import PAD
 
 _PAD = PAD
-_FRACTIONS = 4  # rows of scratch for the whole and the fractional part of u and v
+_LINES = 6
+_COLUMN, _ROW, _FX, _FY, _INSIDE, _WITHIN = range(_LINES)
+"""Lines of scratch: the whole and the fractional part of where a pixel comes from, and whether that is in the frame."""
 
 
 class Interpolant(NamedTuple):
@@ -91,36 +92,6 @@ def _quintic_weights(fraction: NDArray[Any], weights: NDArray[Any]) -> None:
 
 
 @inner
-def _interpolate_run(
-    coefficients: NDArray[Any], row: int, column: int, wx: NDArray[Any], wy: NDArray[Any], run: tuple[int, int],
-    out: NDArray[Any],
-) -> None:  # fmt: skip
-    """Sum of taps for the pixels `run` of a row; [row, column] is the first coefficient of the first of them.
-
-    Slices are of single rows, which the compiler knows to be contiguous.
-    """
-    first, last = run
-    n = last - first
-    target = out[first:last]
-    for i in range(n):
-        target[i] = 0
-    taps = wx.shape[0]
-    w0, w1, w2, w3 = wx[0][first:last], wx[1][first:last], wx[2][first:last], wx[3][first:last]
-    for j in range(taps):
-        source = coefficients[row + j]
-        w = wy[j][first:last]
-        c0, c1 = source[column : column + n], source[column + 1 : column + 1 + n]
-        c2, c3 = source[column + 2 : column + 2 + n], source[column + 3 : column + 3 + n]
-        for i in range(n):
-            target[i] += w[i] * (w0[i] * c0[i] + w1[i] * c1[i] + w2[i] * c2[i] + w3[i] * c3[i])
-        if taps == 6:
-            w4, w5 = wx[4][first:last], wx[5][first:last]
-            c4, c5 = source[column + 4 : column + 4 + n], source[column + 5 : column + 5 + n]
-            for i in range(n):
-                target[i] += w[i] * (w4[i] * c4[i] + w5[i] * c5[i])
-
-
-@inner
 def _noise_row(
     fx: NDArray[Any], fy: NDArray[Any], noise: tuple[float, float, float], variance: NDArray[Any]
 ) -> None:
@@ -135,33 +106,49 @@ def _noise_row(
 @kernel
 def scratch_rows(taps: int) -> int:
     """How many rows `warp_row` wants as scratch, for so many taps a direction (degree + 1)."""
-    return 2 * taps + _FRACTIONS
+    return taps + _LINES
 
 
 @inner
-def _leave_out(
-    valid: NDArray[np.uint8],
-    row: int,
-    across: int,
-    run: tuple[int, int],
-    fx: NDArray[Any],
-    fy: NDArray[Any],
-    out: NDArray[Any],
-) -> None:
-    """NaN where one of the pixels around a place is not valid: the same in all directions."""
-    here, below = valid[row], valid[min(row + 1, valid.shape[0] - 1)]
-    last = valid.shape[1] - 1
-    for x in range(run[0], run[1]):
-        left = x + across
-        right = min(left + 1, last) if fx[x] > 0 else left
-        missing = here[left] == 0 or here[right] == 0
-        if fy[x] > 0:
-            missing = missing or below[left] == 0 or below[right] == 0
-        if missing:
-            out[x] = np.nan
+def _places(
+    displacement: NDArray[Any], first: int, ahead: int, last: int, whole: NDArray[Any], fraction: NDArray[Any],
+    inside: NDArray[Any],
+) -> None:  # fmt: skip
+    """Whole and fractional part of first + ahead·x + displacement[x], 0 … last, and whether it is in 0 … last.
+
+    The last pixel is the one before it and a fraction of 1. Beyond, the places are any that can be asked.
+    """
+    kind = displacement.dtype.type
+    zero, one, end, before, start = kind(0), kind(1), kind(last), kind(last - 1), kind(first)
+    slope = kind(ahead)
+    for x in range(displacement.size):
+        floor = np.floor(displacement[x])
+        part, place = displacement[x] - floor, (start + slope * kind(np.int32(x))) + floor
+        within = (place >= zero) & ((place < end) | ((place == end) & (part == zero)))
+        inside[x] = one if within else zero
+        fraction[x] = part if place < end else one
+        place = place if place > zero else zero  # NaN too
+        whole[x] = place if place < end else before
 
 
-@kernel
+@inner
+def _sum_row(coefficients: NDArray[Any], scratch: NDArray[Any], wy: NDArray[Any], out: NDArray[Any]) -> None:
+    """Splines at the places of a row; `scratch` and `wy` as `warp_row` has them."""
+    flat, stride = coefficients.reshape(-1), coefficients.shape[1]
+    column, row, fx = scratch[_COLUMN], scratch[_ROW], scratch[_FX]
+    if wy.shape[0] == 4:
+        a, b, c, d = wy[0], wy[1], wy[2], wy[3]
+        for x in range(out.size):
+            start = (int(row[x]) + _PAD - 1) * stride + int(column[x]) + _PAD - 1
+            out[x] = spline_sum(flat, start, stride, fx[x], (a[x], b[x], c[x], d[x]))
+        return
+    a, b, c, d, e, f = wy[0], wy[1], wy[2], wy[3], wy[4], wy[5]
+    for x in range(out.size):  # eight values are loaded, from the one before the first that counts
+        start = (int(row[x]) + _PAD - 2) * stride + int(column[x]) + _PAD - 3
+        out[x] = spline_sum(flat, start, stride, fx[x], (a[x], b[x], c[x], d[x], e[x], f[x]))
+
+
+@inner
 def warp_row(
     frame: Interpolant, u: NDArray[Any], v: NDArray[Any], y: int, scratch: NDArray[Any], out: NDArray[Any],
     variance: NDArray[Any],
@@ -178,52 +165,31 @@ def warp_row(
     variance : array, shape (width,), or (0,) where it is not wanted
         Noise variance of the interpolated value, in units of the frame's.
     """
-    width = u.size
     rows, columns = frame.coefficients.shape[0] - 2 * _PAD, frame.coefficients.shape[1] - 2 * _PAD
-    taps = (scratch.shape[0] - _FRACTIONS) // 2
-    before = taps // 2 - 1
-    whole_u, whole_v, fx, fy = scratch[0], scratch[1], scratch[2], scratch[3]
-    wx, wy = scratch[_FRACTIONS : _FRACTIONS + taps], scratch[_FRACTIONS + taps :]
-    for x in range(width):
-        whole_u[x] = np.floor(u[x])
-        fx[x] = u[x] - whole_u[x]
-    for x in range(width):
-        whole_v[x] = np.floor(v[x])
-        fy[x] = v[x] - whole_v[x]
-    if taps == 4:
-        _cubic_weights(fx, wx)
+    wy, fx, fy = scratch[_LINES:], scratch[_FX], scratch[_FY]
+    inside, within = scratch[_INSIDE], scratch[_WITHIN]
+    _places(u, 0, 1, columns - 1, scratch[_COLUMN], fx, inside)
+    _places(v, y, 0, rows - 1, scratch[_ROW], fy, within)
+    if wy.shape[0] == 4:
         _cubic_weights(fy, wy)
     else:
-        _quintic_weights(fx, wx)
         _quintic_weights(fy, wy)
     if variance.size:
         _noise_row(fx, fy, frame.noise, variance)
-    start = 0
-    while start < width:
-        run_u, run_v = whole_u[start], whole_v[start]
-        if not (abs(run_u) < 1e9 and abs(run_v) < 1e9):
-            out[start] = np.nan
-            start += 1
-            continue
-        stop = start + 1
-        while stop < width and whole_u[stop] == run_u and whole_v[stop] == run_v:
-            stop += 1
-        across, row = int(run_u), y + int(run_v)
-        first, last = max(start, -across), min(stop, columns - across)
-        if row < 0 or row >= rows or first >= last:
-            fill_line(out, start, stop, np.nan)
-            start = stop
-            continue
-        fill_line(out, start, first, np.nan)
-        fill_line(out, last, stop, np.nan)
-        place = first + across + _PAD - before
-        _interpolate_run(frame.coefficients, row + _PAD - before, place, wx, wy, (first, last), out)
-        if row == rows - 1:  # only exactly on the last row is still inside
-            for x in range(first, last):
-                if fy[x] > 0:
-                    out[x] = np.nan
-        if last + across == columns and fx[last - 1] > 0:
-            out[last - 1] = np.nan
-        if frame.valid.size:
-            _leave_out(frame.valid, row, across, (first, last), scratch[2], scratch[3], out)
-        start = stop
+    _sum_row(frame.coefficients, scratch, wy, out)
+    nothing = out.dtype.type(np.nan)
+    for x in range(u.size):
+        out[x] = out[x] if inside[x] * within[x] > 0 else nothing
+    if frame.valid.size:
+        for x in range(u.size):  # every pixel around the place has to be valid: the same in all directions
+            column, row = int(scratch[_COLUMN, x]), int(scratch[_ROW, x])
+            left, right, top, bottom = (
+                column + (fx[x] == 1),
+                column + (fx[x] > 0),
+                row + (fy[x] == 1),
+                row + (fy[x] > 0),
+            )
+            above, below = frame.valid[top], frame.valid[bottom]
+            valid = above[left] and above[right] and below[left] and below[right]
+            if inside[x] * within[x] > 0 and not valid:
+                out[x] = nothing

@@ -180,7 +180,7 @@ def _shifted_rows(
         part, target = kept[_U + c, place], position[c]
         base, slope = plane[c] + plane[3 + 2 * c] * kind(y), plane[2 + 2 * c]
         for x in range(width):
-            target[x] = part[x] + (base + slope * kind(x))
+            target[x] = part[x] + (base + slope * kind(np.int32(x)))
 
 
 @inner

@@ -71,6 +71,7 @@ class Sweep:
             still,
             Interpolant(moved.coefficients(degree), moved.interpolable(), noise),
         )
+        self._spare: list[NDArray[Any]] = []
         b = self.lattice.spacing
         self._recipes = (
             cells_of(b, NORMAL, NORMAL_RANKS, self.dtype),
@@ -111,17 +112,22 @@ class Sweep:
             part = self.lattice.part(strip, counted)
             top, bottom = part.rows
             if top < bottom:
-                images = self._swept(motion, form, top, bottom)
+                try:
+                    buffer = self._spare.pop()  # one for each thread, which the next strip finds in the cache
+                except IndexError:
+                    height = max(STRIP, self.lattice.spacing)
+                    buffer = np.empty((6 if self.central else 5, height, self.shape[1]), self.dtype)
+                images = self._swept(motion, form, top, bottom, buffer)
                 moment_strip(images, everywhere, self._recipes, part, _three(sums), _three(edges))
+                self._spare.append(buffer)
 
         return self._summed(task, sandwich)
 
-    def _swept(self, motion: Motion, form: Form, top: int, bottom: int) -> Images:
-        """Images of some rows."""
-        shape = bottom - top, self.shape[1]
-        arrays = [np.empty(shape, self.dtype) for _ in range(5)]
-        still = np.empty(shape, self.dtype) if self.central else self._pair.image[top:bottom]
-        images = Images(arrays[0], arrays[1], arrays[2], arrays[3], still, arrays[4])
+    def _swept(self, motion: Motion, form: Form, top: int, bottom: int, buffer: NDArray[Any]) -> Images:
+        """Images of some rows, in the first rows of a buffer of shape (6, ≥ rows, width)."""
+        lines = buffer[:, : bottom - top]
+        still = lines[5] if self.central else self._pair.image[top:bottom]
+        images = Images(lines[0], lines[1], lines[2], lines[3], still, lines[4])
         image_strip(self._pair, motion, form, top, bottom, images)
         return images
 
