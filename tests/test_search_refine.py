@@ -207,7 +207,7 @@ def lattice_fit(u, counted, sigma, x, y):
 
 
 def test_uniform_window_is_the_affine_fit_of_the_blend():
-    grid, sigma = Grid.over((40, 50), 1), 3.0  # so that the fit's lattice is that of the pixels
+    grid, sigma = Grid.over((40, 50), 1), 1.9  # so that lattice and nodes are the pixels
     counted = np.random.default_rng(1).random((40, 50)) > 0.2
     counted[:, 37:] = False
     maps = np.random.default_rng(2).normal(size=(6, *grid.shape))
