@@ -67,14 +67,13 @@ def _settled(problem: Problem, start: Array) -> Pass:
     plan, state, maps = problem.plan, State(), start
     done, most = 0, plan.passes
     while True:
-        last = done > 0 or most == 1  # a first pass is seldom the last
-        found = problem.step(maps, state, last=last)
+        found = problem.step(maps, state, last=True)  # any may be: the pyramid often leaves nothing to do
         done += 1
         weighed = with_pixel_weights(plan, found) if done > 1 or typical(found.moved) < NEAR else None
         if weighed is not None:
             state, done, most = weighed, 0, plan.passes * WEIGHED_PASSES
         elif done >= most or _stays(plan, found):
-            return found if last else problem.step(maps, state, last=True)
+            return found
         else:
             state = found.state
         maps = _filled(problem, found, weighed=state.weights is not None)
