@@ -98,26 +98,32 @@ def find_lone_strip(
     `levels` is (2, tile rows, tile columns); `valid` uint8 (height, width), or (0, 0) where every pixel counts. Beside
     one that does not, levels are `at_rim` times as high.
     """
-    width, half = image0.shape[1], image0.dtype.type(0.5)
+    width, kind = image0.shape[1], image0.dtype.type
+    half = kind(0.5)
+    least0, least1 = np.empty(width, image0.dtype), np.empty(width, image0.dtype)
     for y in range(start, stop):
-        row0, row1, out = image0[y], image1[y], found[y]
-        level0, level1 = levels[0, y // DEFECT_TILE], levels[1, y // DEFECT_TILE]
-        for tile in range(level0.size):
-            first, last = max(tile * DEFECT_TILE, 1), min((tile + 1) * DEFECT_TILE, width - 1)
-            least0, least1 = image0.dtype.type(level0[tile]), image1.dtype.type(level1[tile])
-            for x in range(first, last):
-                a = row0[x] - (row0[x - 1] + row0[x + 1]) * half
-                b = row1[x] - (row1[x - 1] + row1[x + 1]) * half
-                out[x] = (abs(a) > least0) & (abs(b) > least1)
-            for x in range(first, last):
-                if valid.size and (valid[y, x] == 0 or _is_rim(valid, y, x)):
-                    out[x] = False
-                    if valid[y, x]:
-                        a, b = _lone_at_rim(image0, valid, y, x), _lone_at_rim(image1, valid, y, x)
-                        out[x] = abs(a) > at_rim * least0 and abs(b) > at_rim * least1 and a * b > 0
-                elif out[x]:
-                    a, b = lone(image0, y, x), lone(image1, y, x)
-                    out[x] = abs(a) > least0 and abs(b) > least1 and a * b > 0
+        if y == start or y % DEFECT_TILE == 0:
+            for x in range(width):
+                least0[x] = kind(levels[0, y // DEFECT_TILE, x // DEFECT_TILE])
+                least1[x] = kind(levels[1, y // DEFECT_TILE, x // DEFECT_TILE])
+        row0, row1, out, candidates = image0[y], image1[y], found[y], 0
+        for x in range(1, width - 1):
+            a = row0[x] - (row0[x - 1] + row0[x + 1]) * half
+            b = row1[x] - (row1[x - 1] + row1[x + 1]) * half
+            candidate = (abs(a) > least0[x]) & (abs(b) > least1[x])
+            out[x] = candidate
+            candidates += candidate
+        if candidates == 0 and valid.size == 0:
+            continue
+        for x in range(1, width - 1):
+            if valid.size and (valid[y, x] == 0 or _is_rim(valid, y, x)):
+                out[x] = False
+                if valid[y, x]:
+                    a, b = _lone_at_rim(image0, valid, y, x), _lone_at_rim(image1, valid, y, x)
+                    out[x] = abs(a) > at_rim * least0[x] and abs(b) > at_rim * least1[x] and a * b > 0
+            elif out[x]:
+                a, b = lone(image0, y, x), lone(image1, y, x)
+                out[x] = abs(a) > least0[x] and abs(b) > least1[x] and a * b > 0
 
 
 @kernel

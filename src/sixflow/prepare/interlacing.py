@@ -123,19 +123,20 @@ def _powers(image: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[np.float64
     ]
     spread = np.linspace(0, len(corners) - 1, min(_TILES, len(corners))).astype(int)
     taper = np.hanning(TILE + 2)[1:-1, None]
-    spectra = np.zeros((len(spread), _NYQUIST + 1))
-    for number, corner in enumerate(spread):
-        y, x = corners[corner]
-        place = slice(y, y + TILE + 1), slice(x - REACH, x + TILE + REACH)
-        part = image[place].astype(np.float32)
-        if valid.size:
-            counted = valid[place].astype(np.float32)
-            total = np.maximum(counted.sum(axis=1, keepdims=True), 1)
-            part = counted * (part - (counted * part).sum(axis=1, keepdims=True) / total)
-        else:
-            part -= part.mean(axis=1, keepdims=True)
-        shifted = np.lib.stride_tricks.sliding_window_view(part[1:], TILE, axis=1)[:, ::2]
-        products = np.einsum("yx,ysx->ys", part[:-1, REACH:-REACH], shifted)
-        products -= products.mean(axis=0)
-        spectra[number] = (np.abs(np.fft.rfft(products * taper, axis=0)) ** 2).sum(axis=1)
+    places = [corners[corner] for corner in spread]
+    if not places:
+        return np.zeros((0, _NYQUIST + 1))
+    y, x = (np.array(part)[:, None, None] for part in zip(*places, strict=True))
+    at = y + np.arange(TILE + 1)[:, None], x + np.arange(-REACH, TILE + REACH)
+    parts = image[at].astype(np.float32)
+    if valid.size:
+        counted = valid[at].astype(np.float32)
+        total = np.maximum(counted.sum(axis=2, keepdims=True), 1)
+        parts = counted * (parts - (counted * parts).sum(axis=2, keepdims=True) / total)
+    else:
+        parts -= parts.mean(axis=2, keepdims=True)
+    shifted = np.lib.stride_tricks.sliding_window_view(parts[:, 1:], TILE, axis=2)[:, :, ::2]
+    products = np.einsum("tyx,tysx->tys", parts[:, :-1, REACH:-REACH], shifted)
+    products -= products.mean(axis=1, keepdims=True)
+    spectra: NDArray[np.float64] = (np.abs(np.fft.rfft(products * taper, axis=1)) ** 2).sum(axis=2)
     return spectra
