@@ -172,12 +172,11 @@ def median_around(tiles: NDArray[Any], reach: int) -> NDArray[np.float64]:
     padded = np.pad(tiles.astype(np.float64), reach, constant_values=np.nan)
     side = 2 * reach + 1
     around = np.lib.stride_tricks.sliding_window_view(padded, (side, side)).reshape(*tiles.shape, -1)
-    known = np.isfinite(around).any(axis=-1)
-    if not known.any():
-        return np.full(tiles.shape, np.nan)
-    out = np.full(tiles.shape, np.nan)
-    out[known] = np.nanmedian(around[known], axis=-1)
-    if known.all():
+    ordered, count = np.sort(around, axis=-1), np.isfinite(around).sum(axis=-1)  # NaN come last
+    middle = [np.maximum(place, 0)[..., None] for place in ((count - 1) // 2, count // 2)]
+    low, high = (np.take_along_axis(ordered, place, axis=-1)[..., 0] for place in middle)
+    out, known = np.asarray((low + high) / 2), count > 0
+    if known.all() or not known.any():
         return out
     from scipy.ndimage import distance_transform_edt
 

@@ -68,9 +68,7 @@ def limited(threads: int | None) -> contextvars.Context:
     3
     """
     context = contextvars.copy_context()
-    if threads is not None:
-        context.run(_asked.set, _whole("threads", threads))
-    context.run(worker_count)
+    context.run(_asked.set, worker_count() if threads is None else _whole("threads", threads))
     return context
 
 

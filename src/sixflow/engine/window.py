@@ -37,6 +37,7 @@ def moment_weights(sigma: float, *, power: int = 1) -> NDArray[np.float64]:
     return np.stack([weight**power * scaled**k for k in range(3)])
 
 
+@cache
 def attenuation_period(sigma: float, sharpen: int = 0, attenuation: float = 0.1) -> float:
     """Period of a sine displacement, px, that a measurement attenuates by `attenuation`.
 
@@ -54,6 +55,7 @@ def attenuation_period(sigma: float, sharpen: int = 0, attenuation: float = 0.1)
     return 2 * math.pi * sigma / math.sqrt(-2 * math.log(high))
 
 
+@cache
 def plain_window(window: float, sharpen: int) -> float:
     """Window, px, that resolves without sharpening what `window` resolves with it: where neighbours may differ.
 

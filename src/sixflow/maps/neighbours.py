@@ -108,7 +108,13 @@ def settle(maps: NDArray[Any], step: int, window: float, *, curved: bool = False
 def typical(left: NDArray[Any], share: float = TYPICAL_SHARE) -> float:
     """What a share of the points does not exceed."""
     known = left[np.isfinite(left)]
-    return float(np.quantile(known, share)) if known.size else np.inf
+    if not known.size:
+        return np.inf
+    place = share * (known.size - 1)
+    first = min(int(place), max(known.size - 2, 0))
+    known.partition([first, min(first + 1, known.size - 1)])
+    low, high = float(known[first]), float(known[min(first + 1, known.size - 1)])
+    return low + (place - first) * (high - low)
 
 
 def curvature(maps: NDArray[Any], step: int, window: float) -> NDArray[np.float64]:
