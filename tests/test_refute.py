@@ -9,7 +9,7 @@ import naive
 from sixflow import measure
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.convention.reference import SHARE
-from sixflow.engine.evidence import ERRORS, EVIDENCE, EXPLAINED, FOREIGN, GAP, LEFT_TO_STAND
+from sixflow.engine.evidence import ERRORS, EVIDENCE, EXPLAINED, GAP, LEFT_TO_STAND, MOST_OUTLYING
 from sixflow.engine.scales import OF_CONTRAST, local_contrast
 from sixflow.engine.window import attenuation_period, window_sigma
 from sixflow.judge.contradiction import gradient_variances
@@ -130,7 +130,7 @@ def twin(frames, maps, light=None, reference="first"):
                     if not w.any():
                         continue
                     left, instead = (
-                        (w * np.minimum(np.nan_to_num(r) ** 2, FOREIGN * power)).sum() / w.sum()
+                        (w * np.minimum(np.nan_to_num(r) ** 2, MOST_OUTLYING * power)).sum() / w.sum()
                         for r in (mine, other)
                     )
                     count = w.sum() ** 2 / (w**2).sum()

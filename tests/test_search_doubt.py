@@ -27,7 +27,7 @@ def judged(wrong=False, *, weight=None, foreign=True, failed=False):
     maps[0] = np.where(wrong, 0.0, 4.0)
     flag = np.where(np.broadcast_to(failed, SHAPE), FLAGS["outlier"], 0).astype(np.uint16)
     return solution_of(
-        maps, flag=flag, weight=ONES if weight is None else weight, foreign=0 * ONES if foreign else None
+        maps, flag=flag, weight=ONES if weight is None else weight, outlying=0 * ONES if foreign else None
     )
 
 

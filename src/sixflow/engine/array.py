@@ -6,7 +6,7 @@
 | `product_strip` | A Bᵀ of every position with itself or a neighbour |
 | `pool_strip` | Σ_q w M(d)ᵀ V_q M(d) about every grid point |
 
-They are the loops of `eigenfilters.projection` and `eigenfilters.pool`, where the mathematics is told.
+They are the loops of `eigenfilters.projection` and `eigenfilters.pool`, where the mathematics stands.
 """
 
 from __future__ import annotations

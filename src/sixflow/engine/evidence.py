@@ -23,7 +23,7 @@ LEFT_TO_STAND = 0.3
 """px: what is finer than the window, and less than that, is left to stand."""
 GAP = 1 / 31
 """Windows: pixels nearer to the point belong to the edge of either side."""
-FOREIGN = 100.0
+MOST_OUTLYING = 100.0
 """Mean squares of noise beyond which a pixel's residual tells nothing more."""
 REACH = 2.5
 """Standard deviations of the larger disc."""
@@ -32,15 +32,15 @@ REACH = 2.5
 @kernel
 def _differs(
     maps: NDArray[Any], variances: NDArray[Any], bend: float, j: int, i: int, dj: int, di: int, step: int,
-    told: NDArray[Any],
+    predicted: NDArray[Any],
 ) -> bool:  # fmt: skip
-    """Whether the neighbour (dj, di) says something else about (j, i); its map there into `told`."""
+    """Whether the neighbour (dj, di) says something else about (j, i); its map there into `predicted`."""
     y, x, hy, hx, found = j + dj, i + di, dj * step, di * step, False
     for c in range(2):
         gx, gy = 2 + 2 * c, 3 + 2 * c
-        told[c] = maps[c, y, x] - hx * maps[gx, y, x] - hy * maps[gy, y, x]
-        told[gx], told[gy] = maps[gx, y, x], maps[gy, y, x]
-        beyond = abs(told[c] - maps[c, j, i]) - LEFT_TO_STAND - bend
+        predicted[c] = maps[c, y, x] - hx * maps[gx, y, x] - hy * maps[gy, y, x]
+        predicted[gx], predicted[gy] = maps[gx, y, x], maps[gy, y, x]
+        beyond = abs(predicted[c] - maps[c, j, i]) - LEFT_TO_STAND - bend
         if beyond > 0:
             variance = variances[c, j, i] + variances[c, y, x]
             variance += hx * hx * variances[gx, y, x] + hy * hy * variances[gy, y, x]
@@ -110,7 +110,7 @@ def _compare_row(
 @kernel
 def _evidence(
     frames: tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]],
-    share: float, mine: NDArray[Any], told: NDArray[Any], x: int, y: int, light: tuple[float, float],
+    share: float, mine: NDArray[Any], predicted: NDArray[Any], x: int, y: int, light: tuple[float, float],
     ahead: tuple[float, float], sigma: float, gap: float, power: float, floor: float, scratch: NDArray[Any],
     own: NDArray[Any], known: NDArray[Any], other: NDArray[Any],
 ) -> float:  # fmt: skip
@@ -129,7 +129,7 @@ def _evidence(
         if not known[b]:
             _compare_row(frames, share, mine, x, y, below, light, scratch, own[b])
             known[b] = True
-        _compare_row(frames, share, told, x, y, below, light, scratch, other)
+        _compare_row(frames, share, predicted, x, y, below, light, scratch, other)
         for a in range(side):
             along = (a - half) * ahead[0] + below * ahead[1]
             if along <= gap or not (own[b, a] == own[b, a] and other[a] == other[a]):
@@ -140,8 +140,8 @@ def _evidence(
                 w = near * (large if size == 0 else large**4)
                 sums[size, 0] += w
                 sums[size, 1] += w * w
-                sums[size, 2] += w * min(own[b, a] ** 2, FOREIGN * power)
-                sums[size, 3] += w * min(other[a] ** 2, FOREIGN * power)
+                sums[size, 2] += w * min(own[b, a] ** 2, MOST_OUTLYING * power)
+                sums[size, 3] += w * min(other[a] ** 2, MOST_OUTLYING * power)
         for size in range(2):
             total, squares, left, instead = sums[size]
             if total > 0:
@@ -166,7 +166,7 @@ def refuted_strip(
     """Try the neighbours' maps on the pixels of both frames; `found` receives who is refuted."""
     rows, columns = suspects.shape
     x0, y0, step = grid
-    told, mine = np.empty(6), np.empty(6)
+    predicted, mine = np.empty(6), np.empty(6)
     for j in range(start, stop):
         for i in range(columns):
             if not suspects[j, i]:
@@ -189,12 +189,12 @@ def refuted_strip(
                         y, x = j + dj, i + di
                         if found[j, i] or y < 0 or x < 0 or y >= rows or x >= columns or not asked[y, x]:
                             continue
-                        if not _differs(maps, variances, bend[j, i], j, i, dj, di, step, told):
+                        if not _differs(maps, variances, bend[j, i], j, i, dj, di, step, predicted):
                             continue
                         length = math.hypot(di, dj)
                         ahead = di / length, dj / length
                         clear = _evidence(
-                            frames, share, mine, told, px, py, tone, ahead, sigma, gap, power, floor[j, i],
+                            frames, share, mine, predicted, px, py, tone, ahead, sigma, gap, power, floor[j, i],
                             scratch, own, known, other,
                         )  # fmt: skip
                         found[j, i] = clear > EVIDENCE

@@ -92,7 +92,7 @@ def median_test_strip(
 
 
 @kernel
-def fill_ring(filled: NDArray[Any], known: NDArray[Any], step: int, usual: NDArray[Any]) -> None:
+def fill_ring(filled: NDArray[Any], known: NDArray[Any], step: int, typical: NDArray[Any]) -> None:
     """Give the unknown points beside known ones what these predict, and mark them as known."""
     rows, columns = known.shape
     reached = np.zeros((rows, columns), np.bool_)
@@ -120,7 +120,7 @@ def fill_ring(filled: NDArray[Any], known: NDArray[Any], step: int, usual: NDArr
             for k in range(6):
                 mean = total[k] / count
                 # let what is special in a guessed gradient fade with distance
-                filled[k, j, i] = mean if k < 2 else usual[k - 2] + 0.8 * (mean - usual[k - 2])
+                filled[k, j, i] = mean if k < 2 else typical[k - 2] + 0.8 * (mean - typical[k - 2])
     for j in range(rows):
         for i in range(columns):
             known[j, i] |= reached[j, i]

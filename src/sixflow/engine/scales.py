@@ -1,4 +1,4 @@
-"""Scales: which residuals are usual around a pixel, and the contrast that they are seen against.
+"""Scales: the typical residual around a pixel, and the contrast of the image there.
 
 | symbol | meaning |
 |---|---|
@@ -8,11 +8,11 @@
 | C | standard deviation of the reference in the tile |
 
 All three are taken over the pixels that have a partner, and that the pass before left any weight. Over all pixels the
-medians would stand up to 40 % of foreign ones in principle; in fact they are too large long before, foreign pixels are
-kept, and as what is foreign lies over several pixels, errors exceed what the covariance says. From pass to pass the
+medians would stand up to 40 % of outlying ones in principle; in fact they are too large long before, outlying pixels
+are kept, and as outlying ones lie over several pixels, errors exceed what the covariance says. From pass to pass the
 scales come down to those of the pixels that belong.
 
-Of every scale the median over 5 × 5 tiles is used, so that what is foreign in some of them, or bright, changes nothing
+Of every scale the median over 5 × 5 tiles is used, so that what is outlying in some of them, or bright, changes nothing
 beside them. A tile that is unknown, with all around it, takes the scales of the nearest known one.
 """
 
@@ -30,7 +30,7 @@ from sixflow.engine.threads import over_strips
 TILE = 16
 """px: side of a tile. Its 256 pixels tell a median to 8 %."""
 REACH = 2
-"""Tiles on each side whose median is taken: scales are those of 80 × 80 px, of which 12 tiles of 25 may be foreign."""
+"""Tiles on each side whose median is taken: scales are those of 80 × 80 px, of which 12 tiles of 25 may be outlying."""
 NORMAL = 1.4826
 """Standard deviation of a Gaussian over its median absolute value."""
 NEGLIGIBLE = 0.05

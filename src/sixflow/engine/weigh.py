@@ -1,6 +1,6 @@
 """Weigh: low weight for pixels whose residual is far beyond what noise and the fit explain.
 
-A pixel's residual r is compared with what is usual around it,
+A pixel's residual r is compared with the typical one around it,
 
     s² = s₀² + (e |g|)²,      t = |r| / s,      ω = 1 for t ≤ 3.5, 0 for t ≥ 5, (25 − t²)/(25 − 3.5²) between,
 
@@ -13,12 +13,12 @@ particle or a glint, is larger than a pixel. Gaussian noise keeps 0.995 of its w
 | s₀, e | noise, and displacement that the fit leaves, px: `scales` |
 
 Of Gaussian noise 6e-7 is beyond 5 s. To leave out all pixels in doubt as well, beyond 3.5 s, would find no more of what
-is foreign, and cut into motions that are not resolved. The second term of s is what keeps the fit linear: where windows
-do not resolve the motion, steep pixels have large residuals, all of them, and none is an outlier.
+is outlying, and cut into motions that are not resolved. The second term of s is what keeps the fit linear: where
+windows do not resolve the motion, steep pixels have large residuals, all of them, and none is an outlier.
 
 The estimate is an M-estimate with ψ = ω r. Its covariance is the sandwich with Σ w ψ' J Jᵀ for bread, not Σ w ω J Jᵀ,
 and where ω falls ψ' is below ω by (2 t²)/(5² − 3.5²): pixels that are neither in nor out add noise. `weighing_noise`
-is the factor (mean ω / mean ψ')², which is 1 without foreign pixels.
+is the factor (mean ω / mean ψ')², which is 1 without outlying pixels.
 
 Frames without anything in common keep pixels too: those that are alike by chance. Of two independent Gaussian patterns
 of contrast C a pixel is kept with the probability P(|r| < 3.5 s) = erf(3.5 s/2C), r having the variance 2C², and only

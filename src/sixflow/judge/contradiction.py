@@ -11,9 +11,9 @@ sharpening, at least one step. There S = 0.4; a jump seen through the window mak
 lies across an edge. Four directions are asked: along x, along y, and the diagonals.
 
 A motion that is smooth but finer than the window exceeds it too. It leaves a residual everywhere in the window, a
-motion edge one in the pixels of the other motion, which `engine.weigh` has found foreign. So an edge is a
-disagreement E (in units of the above) together with a share φ of foreign pixels above the frame's median: E > 1 and φ
-> 0.03, or E > 0.5 and φ > 0.15, or E > 0.3 with most pixels about the point itself foreign (φ > 0.5 in a window of
+motion edge one in the pixels of the other motion, which `engine.weigh` has found outlying. So an edge is a
+disagreement E (in units of the above) together with a share φ of outlying pixels above the frame's median: E > 1 and φ
+> 0.03, or E > 0.5 and φ > 0.15, or E > 0.3 with most pixels about the point itself outlying (φ > 0.5 in a window of
 half the size: the map is that of the surroundings). E > 1 alone is a motion that is not resolved.
 
 *Residual.* A window stands out where both its residual and its residual over its contrast are more than 3 times the
@@ -47,7 +47,7 @@ from sixflow.engine.threads import over_strips
 
 SMOOTH = 1.5  # times what the finest resolved wave does
 PHASE = 0.8  # of the finest resolved wave, rad, over which opposite neighbours stand from the point
-EDGES = ((1.0, 0.03), (0.5, 0.15))  # disagreement and share of foreign pixels that tell an edge
+EDGES = ((1.0, 0.03), (0.5, 0.15))  # disagreement and share of outlying pixels that tell an edge
 COVERED = (0.3, 0.5)  # the same about the point itself
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
 _STRIP = 16
@@ -103,7 +103,7 @@ def disagreement(maps: NDArray[Any], variances: Array, step: int, period: float)
 
 
 def at_edge(
-    apart: NDArray[Any], foreign: NDArray[Any] | None, foreign_centre: NDArray[Any] | None
+    apart: NDArray[Any], outlying: NDArray[Any] | None, outlying_centre: NDArray[Any] | None
 ) -> NDArray[np.bool_]:
     """Find points whose window lies across a motion edge.
 
@@ -111,18 +111,18 @@ def at_edge(
     ----------
     apart : array, shape (rows, columns)
         From `disagreement`.
-    foreign, foreign_centre : arrays of the same shape, or None
-        As in `WindowStatistics`. None where pixels were not weighed: an edge is then not told from a motion that is not
-        resolved.
+    outlying, outlying_centre : arrays of the same shape, or None
+        As in `WindowStatistics`. None where pixels were not weighed: an edge cannot then be distinguished from a motion
+        that is not resolved.
 
     Returns
     -------
     bool array, shape (rows, columns)
     """
-    if foreign is None or foreign_centre is None:
+    if outlying is None or outlying_centre is None:
         return np.zeros(apart.shape, np.bool_)
     found = np.zeros(apart.shape, np.bool_)
-    share, centre = (np.nan_to_num(part - np.nanmedian(part)) for part in (foreign, foreign_centre))
+    share, centre = (np.nan_to_num(part - np.nanmedian(part)) for part in (outlying, outlying_centre))
     for least_apart, least_share in EDGES:
         found |= (apart > least_apart) & (share > least_share)
     return found | ((apart > COVERED[0]) & (centre > COVERED[1]))

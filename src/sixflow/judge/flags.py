@@ -104,7 +104,7 @@ def _among_neighbours(maps: NDArray[Any], found: Solution, grid: Grid, plan: Pla
     variances, period = gradient_variances(found.covariance), plan.window.period
     flag[gradient_outliers(maps, variances, grid.step, period)] |= FLAGS["outlier"]
     apart = disagreement(maps, variances, grid.step, period)
-    edge = at_edge(apart, statistics.foreign, statistics.foreign_centre)
+    edge = at_edge(apart, statistics.outlying, statistics.outlying_centre)
     flag[edge] |= FLAGS["edge"]
     flag[(apart > 1) & ~edge] |= FLAGS["unresolved"]
     alone = stands_out(statistics.noise, statistics.residual, grid.step, plan.window.size)

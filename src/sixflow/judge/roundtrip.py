@@ -1,7 +1,7 @@
 """Round trip: a point carried forward by the measured motion and back by the motion measured backward returns.
 
-With U from frame 0 to frame 1 and V from frame 1 to frame 0, V blended between its grid points, both told where share
-s of the way leads to (`placing`),
+With U from frame 0 to frame 1 and V from frame 1 to frame 0, V blended between its grid points, both expressed where
+share s of the way leads to (`placing`),
 
     e = U(p) + V(p + (1 − 2s) U(p))
 
@@ -36,7 +36,7 @@ def closure(
     grid : Grid
         Of both.
     share : float
-        s: 0 for motions told where they begin, ½ in the middle of their way.
+        s: 0 for motions expressed where they begin, ½ in the middle of their way.
     """
     surface = surface_of(backward, grid)
     way = 1 - 2 * share

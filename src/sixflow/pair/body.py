@@ -79,7 +79,7 @@ class Body:
             found = steady._refined(found)
         elif self.light is not None or not self.plan.is_searched:
             found = self._refined(found)
-        if found.statistics.foreign is not None:
+        if found.statistics.outlying is not None:
             found = found.with_flag("edge", self._refuted(found))
         if self.plan.forward_backward:
             found = found.with_flag("forward_backward", self._fails_round_trip(found))

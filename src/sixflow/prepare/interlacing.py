@@ -16,7 +16,7 @@ over s and averaged over tiles, is T: 1 for frames taken at once, whatever their
 - it is three times the power at periods of 8/3 and 4 rows: blocks of 8, as JPEG makes them, have these as well;
 - the columns do not show the same: enlarged frames and regular patterns do.
 
-Rows that were doubled to fill a frame show it too, and are told with the same words. So do drawn pictures of nothing
+Rows that were doubled to fill a frame show it too, and give the same note. So do drawn pictures of nothing
 but jagged straight edges whose steps are two rows high.
 
 | symbol | meaning |
@@ -81,13 +81,13 @@ def is_interlaced(image: NDArray[Any], valid: NDArray[np.uint8] = NO_MASK) -> bo
 
 
 class InterlacingCheck:
-    """Looks for interlacing in the first frames of a recording, and tells it once."""
+    """Looks for interlacing in the first frames of a recording, and says so once."""
 
     def __init__(self) -> None:
         self._left = _LOOKS
 
     def notes(self, image: NDArray[Any], name: str, valid: NDArray[np.uint8] = NO_MASK) -> tuple[str, ...]:
-        """Return a note where a frame is interlaced; nothing once it was told, or the first frames were not."""
+        """Return a note where a frame is interlaced; nothing once it was given, or the first frames were not."""
         if self._left <= 0:
             return ()
         self._left -= 1

@@ -33,7 +33,7 @@ _COVERED = 1e-3
 _INWARD = 2
 """px: pixels so near to the rim of a carried region are not in its light; the motion need not be right there."""
 _DIGITS = 64
-"""Contrast that is told from rounding, in units of the last digit of the surroundings' root mean square."""
+"""Contrast that is distinguished from rounding, in units of the last digit of the surroundings' root mean square."""
 
 
 def flatten_lighting(

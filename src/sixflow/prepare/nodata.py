@@ -4,8 +4,8 @@ They are NaN, what a mask leaves out, and *blank* pixels: what lies beyond the c
 moved, rotated, stitched or rendered, filled with one grey value. An image goes on where it has no value as it does at
 its border (`continued`), so that neither a spline nor a low-pass sees a jump, or what was there.
 
-A frame with blank pixels ends within its array, and its other end is not a thing to be measured. It is told from a
-background and from overexposure by the other frame of the pair. A connected region R of exactly one value is blank
+A frame with blank pixels ends within its array, and its other end is not a thing to be measured. It is distinguished
+from a background and from overexposure by the other frame of the pair. A connected region R of exactly one value is blank
 where
 
 - it holds an eighth of a side of the frame without a gap;

@@ -108,8 +108,8 @@ def covariance_of_pass(
     return covariance, dataclasses.replace(
         statistics,
         partner=weights.partner,
-        foreign=1 - kept,
-        foreign_centre=1 - _share(problem, weights.weight, problem.sigma / 2),
+        outlying=1 - kept,
+        outlying_centre=1 - _share(problem, weights.weight, problem.sigma / 2),
         matched=_matched(problem, found, weights.partner),
     )
 

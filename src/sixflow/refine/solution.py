@@ -46,7 +46,7 @@ class WindowStatistics:
         What the residual lacks of the floor's noise, as a share of its power. None: nowhere anything.
     partner : array or None
         As `weight`, outlying pixels included; None, like the three below, where pixels were not weighed.
-    foreign, foreign_centre : array or None
+    outlying, outlying_centre : array or None
         Share of the window's weight, and of that of a window of half the size, that outlying pixels lost.
     matched : array or None
         Share of the gradients' squares, less noise, on the pixels that were not left out.
@@ -62,8 +62,8 @@ class WindowStatistics:
     tail: Array | None = None
     lacking: Array | None = None
     partner: Array | None = None
-    foreign: Array | None = None
-    foreign_centre: Array | None = None
+    outlying: Array | None = None
+    outlying_centre: Array | None = None
     matched: Array | None = None
 
 

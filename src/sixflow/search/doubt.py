@@ -1,6 +1,6 @@
 """Doubt: points that rest on few pixels of their window, tried again from what the others predict.
 
-Where foreign pixels are many and stand still, dust, dead pixels, reflections, a window may settle on what they have in
+Where outlying pixels are many and stand still, dust, dead pixels, reflections, a window may settle on what they have in
 common with a few of its own pixels. It does not fail, but less than `MINIMUM_WEIGHT` of a window is left to it. Such
 points are begun again from what the others predict. What was right comes back the same, and a field is taken for
 another only if fewer of its points have failed or are in doubt.
@@ -35,8 +35,8 @@ def reconsidered(found: Solution, scene: Scene) -> Solution:
 
 
 def _doubtful(found: Solution) -> NDArray[np.bool_]:
-    """Points that were measured from little of their window; none where no pixel is foreign."""
-    if found.statistics.foreign is None:
+    """Points that were measured from little of their window; none where no pixel is outlying."""
+    if found.statistics.outlying is None:
         return np.zeros_like(found.failed)
     with np.errstate(invalid="ignore"):
         doubtful: NDArray[np.bool_] = ~found.failed & (found.statistics.weight < MINIMUM_WEIGHT)

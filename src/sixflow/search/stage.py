@@ -14,7 +14,7 @@
 | still more than `LOST` | for a few regions, the largest first: one affine map, and growth, each region by itself |
 
 Of two fields, that with fewer missed points is kept. In the end points in doubt are tried again (`doubt`), but for
-"pyramid". Nothing is tried where nothing was missed, and no pixel is foreign: small motion costs the pyramid, and no
+"pyramid". Nothing is tried where nothing was missed, and no pixel is outlying: small motion costs the pyramid, and no
 more.
 """
 
