@@ -141,18 +141,17 @@ def _nearest_row(known: NDArray[Any], y: int, reach: int, nearest: NDArray[Any])
         return False
     for distance in range(reach, 0, -1):
         closer = nearest.dtype.type(distance)
-        for x in range(distance, width):
-            if row[x - distance] and nearest[x] > closer:
-                nearest[x] = closer
-        for x in range(width - distance):
-            if row[x + distance] and nearest[x] > closer:
-                nearest[x] = closer
+        left, right = row[: width - distance], row[distance:]
+        here, there = nearest[distance:], nearest[: width - distance]
+        for x in range(left.size):
+            here[x] = min(here[x], closer) if left[x] else here[x]
+        for x in range(right.size):
+            there[x] = min(there[x], closer) if right[x] else there[x]
         for other in (y - distance, y + distance):
             if 0 <= other < height:
                 line = known[other]
                 for x in range(width):
-                    if line[x] and nearest[x] > closer:
-                        nearest[x] = closer
+                    nearest[x] = min(nearest[x], closer) if line[x] else nearest[x]
     return True
 
 
