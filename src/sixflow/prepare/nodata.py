@@ -5,8 +5,8 @@ moved, rotated, stitched or rendered, filled with one grey value. An image goes 
 its border (`continued`), so that neither a spline nor a low-pass sees a jump, or what was there.
 
 A frame with blank pixels ends within its array, and its other end is not a thing to be measured. It is distinguished
-from a background and from overexposure by the other frame of the pair. A connected region R of exactly one value is blank
-where
+from a background and from overexposure by the other frame of the pair. A connected region R of exactly one value is
+blank where
 
 - it holds an eighth of a side of the frame without a gap;
 - what it leaves of the frame is in one piece: between particles or speckles the background is a net, with holes;
