@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.blend import blend_line, blend_row, blender
+from sixflow.engine.blend import blend_line, blender
 from sixflow.engine.compiler import inner, kernel
 from sixflow.engine.fir import reflect
 from sixflow.engine.interpolate import Interpolant, scratch_rows, warp_row
@@ -100,8 +100,9 @@ class Motion(NamedTuple):
         x0, y0, step.
     plane : array, shape (6,)
         (u, v at pixel (0, 0), u_x, u_y, v_x, v_y), subtracted from all maps.
-    light : array, shape (2, 4, rows, columns), or of size 0 where light is steady
-        Gain and offset at the grid points, moved ≈ gain·reference + offset, each with its x-slope, y-slope and twist.
+    light : array, shape (8, rows, columns), or of size 0 where light is steady
+        Gain and offset at the grid points, moved ≈ gain·reference + offset, with their slopes and twists: like the six
+        planes of `maps` and the two of `twist`.
     """
 
     maps: NDArray[Any]
@@ -152,22 +153,6 @@ def _still_row(pair: Pair, y: int, still: NDArray[Any]) -> None:
         for x in range(image.size):
             if valid[x] == 0:
                 still[x] = np.nan
-
-
-@inner
-def _relight_row(
-    light: NDArray[Any], grid: tuple[int, int, int], y: int, basis: NDArray[Any], scratch: NDArray[Any],
-    warped: NDArray[Any],
-) -> None:  # fmt: skip
-    """Take gain and offset out of a row of the warped frame."""
-    x0, y0, step = grid
-    line = np.empty((2, light.shape[3]), light.dtype)
-    for c in range(2):
-        tone = light[c]
-        blend_row(tone[0], tone[1], tone[2], tone[3], x0, y0, step, y, basis, line, scratch[c])
-    gain, offset = scratch[0], scratch[1]
-    for x in range(warped.size):
-        warped[x] = (warped[x] - offset[x]) / gain[x]
 
 
 @inner
@@ -348,10 +333,8 @@ def image_strip(pair: Pair, motion: Motion, form: Form, start: int, stop: int, i
     kind, masked = pair.image.dtype, form.central or pair.valid.size > 0
     kept = np.empty((_KINDS, _KEPT, width + 2 * HALO), kind)
     position, variance, lit = np.empty((2, width), kind), np.ones((2, width), kind), np.empty(width, kind)
-    scratch, work = (
-        np.empty((scratch_rows(form.taps), width), kind),
-        blender(motion.maps, motion.grid[2], width),
-    )
+    scratch, step = np.empty((scratch_rows(form.taps), width), kind), motion.grid[2]
+    work, lamp = blender(motion.maps, step, width), blender(motion.maps, step, width)
     ahead = max(0, start - HALO)
     for y in range(start, stop):
         while ahead < min(height, y + HALO + 1):
@@ -361,24 +344,20 @@ def image_strip(pair: Pair, motion: Motion, form: Form, start: int, stop: int, i
                     motion.maps, motion.twist, motion.grid, ahead, c, work, kept[_U + c, place][:width]
                 )
             _shifted_rows(kept, place, motion.plane, ahead, position)
-            warp_row(pair.moved, position[0], position[1], ahead, scratch, lit, variance[1])
-            copy_line(lit, kept[_WARPED, place], width)
-            if form.central:
-                for x in range(width):
+            for frame in range(2 if form.central else 1):  # the moved one, then the still one
+                asked, row = (pair.moved, lit) if frame == 0 else (pair.still, kept[_STILL, place][:width])
+                warp_row(asked, position[0], position[1], ahead, scratch, row, variance[1 - frame])
+                for x in range(width if form.central else 0):
                     position[0, x], position[1, x] = -position[0, x], -position[1, x]
-                warp_row(
-                    pair.still,
-                    position[0],
-                    position[1],
-                    ahead,
-                    scratch,
-                    kept[_STILL, place][:width],
-                    variance[0],
-                )
-            else:
+            copy_line(lit, kept[_WARPED, place], width)
+            if not form.central:
                 _still_row(pair, ahead, kept[_STILL, place])
             if motion.light.size:
-                _relight_row(motion.light, motion.grid, ahead, work.basis, scratch, lit)
+                for c in range(2):
+                    blend_line(motion.light[:6], motion.light[6:], motion.grid, ahead, c, lamp, scratch[c])
+                gain, offset = scratch[0], scratch[1]
+                for x in range(width):
+                    lit[x] = (lit[x] - offset[x]) / gain[x]
             _compare_row(kept, place, lit, variance)
             ahead += 1
         place, k = y % _KEPT, y - start

@@ -42,7 +42,7 @@ from sixflow.maps.grid import Grid
 from sixflow.maps.restriction import ABSENT, allowed, confined, joined, maps_of, projection, unknowns
 from sixflow.prepare.frame import NO_MASK, Frame
 from sixflow.refine.quality import Quality, Seen, above_floor, feedback_scale, shrunk_noise, six_from_unknowns
-from sixflow.refine.sweep import rows_of
+from sixflow.refine.sweep import light_planes, rows_of
 from sixflow.refine.workspace import Workspace
 from sixflow.settings import Settings
 
@@ -183,9 +183,8 @@ class Passes:
             Interpolant(self.coefficients, self.moved_valid, noise),
         )
         twist = twist_of(reduced, grid.step).astype(dtype)
-        motion = Motion(
-            reduced.astype(dtype), twist, grid.origin_and_step, plane.astype(dtype), self.lighting
-        )
+        light = light_planes(self.lighting[:, 0] if self.lighting.size else None, grid.step, dtype)
+        motion = Motion(reduced.astype(dtype), twist, grid.origin_and_step, plane.astype(dtype), light)
         still = array("still", shape, dtype) if self.central else self.reference.image
         images = Images(
             *self._images(), array("residual", shape, dtype), still, array("warped", shape, dtype)
