@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.convention.reference import SHARE
 from sixflow.engine.compiler import kernel
-from sixflow.engine.sweep import LEAST_AREA
+from sixflow.engine.rows import LEAST_AREA
 from sixflow.engine.threads import over_strips
 from sixflow.engine.weigh import by_chance
 from sixflow.engine.window import attenuation_period, plain_window

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from sixflow.engine.blend import twist_of
 from sixflow.engine.interpolate import Interpolant
 from sixflow.engine.lowpass import lowpass_noise, smoothed
+from sixflow.engine.rows import DERIVATIVE
 from sixflow.engine.solve import (
     covariance_strip,
     explained_strip,
@@ -32,7 +33,7 @@ from sixflow.engine.solve import (
     texture_strip,
 )
 from sixflow.engine.spline import DEGREE, gradient_noise, noise_variance
-from sixflow.engine.sweep import DERIVATIVE, Form, Images, Motion, Pair, image_strip
+from sixflow.engine.sweep import Form, Images, Motion, Pair, image_strip
 from sixflow.engine.taps import moments_strip, sandwich_strip, statistics_strip
 from sixflow.engine.threads import over_strips
 from sixflow.engine.weigh import NEGLIGIBLE, apply_weights, find_weights, weighing_noise, weight_slope
