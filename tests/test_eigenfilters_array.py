@@ -12,7 +12,7 @@ from sixflow.eigenfilters.kernels import Gabor
 from sixflow.eigenfilters.pool import Pool, shifted
 from sixflow.eigenfilters.problem import EigenfilterProblem, OperatorArray
 from sixflow.eigenfilters.projection import Projection
-from sixflow.engine.sweep import DERIVATIVE
+from sixflow.engine.rows import DERIVATIVE
 from sixflow.engine.window import window_sigma
 from sixflow.maps.grid import Grid
 from sixflow.prepare.frame import NO_MASK, Frame

@@ -5,8 +5,8 @@ import pytest
 
 import naive
 from sixflow.engine.fir import downsample, filter_separable, reflect
+from sixflow.engine.rows import DERIVATIVE
 from sixflow.engine.spline import PAD, gradient_noise, noise_variance, spline_coefficients, spline_weights
-from sixflow.engine.sweep import DERIVATIVE
 
 DTYPES = [np.float32, np.float64]
 

@@ -63,7 +63,9 @@ def run(
         Interpolant(spline_coefficients(reference, degree), masks[0], noise),
         Interpolant(spline_coefficients(moved, degree), masks[1], noise),
     )
-    lighting = np.empty((0, 0, 0, 0), dtype) if light is None else light
+    lighting = np.empty((0, 0, 0), dtype)
+    if light is not None:  # (gain, offset) of (value, x-slope, y-slope, twist)
+        lighting = np.concatenate([light[:, 0], light[0, 1:3], light[1, 1:3], light[:, 3]])
     motion = Motion(
         maps / share, twist_of(maps / share, grid.step), grid.origin_and_step, plane / share, lighting
     )

@@ -8,8 +8,8 @@ import pytest
 import sixflow
 from interpreted import ERROR, SHAPE, SIGMA, make_field
 from sixflow import synth
+from sixflow.engine.rows import DERIVATIVE
 from sixflow.engine.spline import gradient_noise
-from sixflow.engine.sweep import DERIVATIVE
 from sixflow.interpretation import fit_region
 from sixflow.interpretation.correlation import noise_share, unknowns_from_six
 from sixflow.interpretation.points import select_points

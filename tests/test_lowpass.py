@@ -8,8 +8,8 @@ import measured
 import naive
 from sixflow import InputError, Settings, measure, measure_sequence
 from sixflow.engine.lowpass import lowpass_half, lowpass_noise, lowpass_power, lowpass_reach, smoothed
+from sixflow.engine.rows import DERIVATIVE
 from sixflow.engine.spline import gradient_noise, noise_variance
-from sixflow.engine.sweep import DERIVATIVE
 from sixflow.prepare.frame import NO_MASK, Frame
 from sixflow.prepare.prepare import lowpassed
 from sixflow.synth import Affine, Particles, Sensor, Speckle, pair

@@ -40,7 +40,7 @@ from sixflow.eigenfilters.geometry import Real
 from sixflow.eigenfilters.joint import SIX_FROM_TAU, JointEstimate
 from sixflow.eigenfilters.patches import finite_frame, patch_blocks
 from sixflow.eigenfilters.projection import extent_of
-from sixflow.engine.sweep import DERIVATIVE
+from sixflow.engine.rows import DERIVATIVE
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
 

@@ -144,7 +144,8 @@ def blender(maps: NDArray[Any], step: int, width: int) -> Blender:
     """Work space of `blend_line` for rows of so many pixels."""
     basis = np.empty((4, step), maps.dtype)
     hermite_basis(step, basis)
-    held = np.full(2, -1)
+    held = np.empty(2, np.int64)
+    held[0] = held[1] = -1
     return Blender(held, np.empty((2, 2, 2, width), maps.dtype), basis, np.empty(maps.shape[2], maps.dtype))
 
 

@@ -16,7 +16,9 @@ from sixflow.engine.codecache import kept_on_disk
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 _FAST = ("arcp", "contract", "nsz", "reassoc")
-_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": set(_FAST)}
+_OPTIONS: dict[str, Any] = {
+    "nogil": True, "error_model": "numpy", "fastmath": set(_FAST), "no_cfunc_wrapper": True,
+}  # fmt: skip
 _KERNELS: list[Any] = []
 
 
@@ -30,7 +32,7 @@ def inner(function: Kernel) -> Kernel:
 
     What passes arguments and results between Python and machine code takes most of the compilation of a small kernel.
     """
-    return _compiled(function, {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True})
+    return _compiled(function, {**_OPTIONS, "no_cpython_wrapper": True})
 
 
 def _compiled(function: Kernel, options: dict[str, Any]) -> Kernel:

@@ -32,27 +32,28 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.blend import blend_line, blend_row, blender
+from sixflow.engine.blend import blend_line, blender
 from sixflow.engine.compiler import inner, kernel
-from sixflow.engine.fir import reflect
 from sixflow.engine.interpolate import Interpolant, scratch_rows, warp_row
-from sixflow.engine.lines import copy_line, fill_line
+from sixflow.engine.lines import copy_line
 from sixflow.engine.moments import Cells, Part, add_cell_row, plane_count, scratch_of
+from sixflow.engine.rows import (
+    HALO,
+    KEPT,
+    KINDS,
+    MEAN,
+    SCALED,
+    STILL,
+    WARPED,
+    U,
+    compare_row,
+    gradient_row,
+    moved_axes_row,
+    right_row,
+    shifted_rows,
+    still_row,
+)
 from sixflow.engine.weigh import NEGLIGIBLE
-
-DERIVATIVE = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
-"""Half-weights of the 8th-order central difference."""
-
-HALO = len(DERIVATIVE)
-_KEPT = 2 * HALO + 1
-LEAST_AREA = 0.05
-"""det F of a map that does not press the window together."""
-
-_KINDS = 7
-_MEAN, _RESIDUAL, _SCALED, _STILL, _WARPED, _U, _V = range(_KINDS)
-"""Rows that are kept: the mean frame, which goes on by HALO on both sides; the residual, as it is and in units of the
-noise; both frames; the displacement less the plane.
-"""
 
 LINES = 9
 """Lines of a row that moments are summed of; the last two for the sandwich alone."""
@@ -100,8 +101,9 @@ class Motion(NamedTuple):
         x0, y0, step.
     plane : array, shape (6,)
         (u, v at pixel (0, 0), u_x, u_y, v_x, v_y), subtracted from all maps.
-    light : array, shape (2, 4, rows, columns), or of size 0 where light is steady
-        Gain and offset at the grid points, moved ≈ gain·reference + offset, each with its x-slope, y-slope and twist.
+    light : array, shape (8, rows, columns), or of size 0 where light is steady
+        Gain and offset at the grid points, moved ≈ gain·reference + offset, with their slopes and twists: like the six
+        planes of `maps` and the two of `twist`.
     """
 
     maps: NDArray[Any]
@@ -140,164 +142,6 @@ class Images(NamedTuple):
     residual: NDArray[Any]
     still: NDArray[Any]
     warped: NDArray[Any]
-
-
-@inner
-def _still_row(pair: Pair, y: int, still: NDArray[Any]) -> None:
-    """The reference at its own pixels; NaN where it does not count."""
-    image = pair.image[y]
-    copy_line(image, still, image.size)
-    if pair.valid.size:
-        valid = pair.valid[y]
-        for x in range(image.size):
-            if valid[x] == 0:
-                still[x] = np.nan
-
-
-@inner
-def _relight_row(
-    light: NDArray[Any], grid: tuple[int, int, int], y: int, basis: NDArray[Any], scratch: NDArray[Any],
-    warped: NDArray[Any],
-) -> None:  # fmt: skip
-    """Take gain and offset out of a row of the warped frame."""
-    x0, y0, step = grid
-    line = np.empty((2, light.shape[3]), light.dtype)
-    for c in range(2):
-        tone = light[c]
-        blend_row(tone[0], tone[1], tone[2], tone[3], x0, y0, step, y, basis, line, scratch[c])
-    gain, offset = scratch[0], scratch[1]
-    for x in range(warped.size):
-        warped[x] = (warped[x] - offset[x]) / gain[x]
-
-
-@inner
-def _shifted_rows(
-    kept: NDArray[Any], place: int, plane: NDArray[Any], y: int, position: NDArray[Any]
-) -> None:
-    """Displacement of a row, with the plane that the maps are less; shape (2, width)."""
-    kind, width = plane.dtype.type, position.shape[1]
-    for c in range(2):
-        part, target = kept[_U + c, place], position[c]
-        base, slope = plane[c] + plane[3 + 2 * c] * kind(y), plane[2 + 2 * c]
-        for x in range(width):
-            target[x] = part[x] + (base + slope * kind(np.int32(x)))
-
-
-@inner
-def _compare_row(kept: NDArray[Any], place: int, lit: NDArray[Any], variance: NDArray[Any]) -> None:
-    """Residual of a row, and its mean frame, continued by HALO on both sides.
-
-    The mean is that of one frame where the other has no value: what is under a mask must not show in the gradients
-    beside it.
-    """
-    width, kind = lit.size, lit.dtype.type
-    still, r, scaled, mean = (
-        kept[_STILL, place],
-        kept[_RESIDUAL, place],
-        kept[_SCALED, place],
-        kept[_MEAN, place],
-    )
-    first, second = variance[0], variance[1]
-    half, two = kind(0.5), kind(2)
-    middle = mean[HALO : HALO + width]
-    for x in range(width):
-        r[x] = lit[x] - still[x]
-        scaled[x] = (lit[x] - still[x]) * np.sqrt(two / (first[x] + second[x]))
-    for x in range(width):
-        one = still[x] if still[x] == still[x] else lit[x]
-        middle[x] = still[x] + half * r[x] if r[x] == r[x] else one
-    for x in range(HALO):  # odd extension: the gradient goes on as it was at the border
-        mean[x] = two * mean[HALO] - mean[2 * HALO - x]
-        mean[width + HALO + x] = two * mean[width + HALO - 1] - mean[width + HALO - 2 - x]
-
-
-@inner
-def _gradient_row(
-    mean: NDArray[Any], y: int, height: int, target_x: NDArray[Any], target_y: NDArray[Any]
-) -> None:
-    """8th-order differences of row y of the mean frame, row y at y mod 9; the frame goes on oddly."""
-    width, kind = target_x.size, mean.dtype.type
-    fill_line(target_x, 0, width, 0.0)
-    fill_line(target_y, 0, width, 0.0)
-    centre = mean[y % _KEPT]
-    for d in range(1, HALO + 1):
-        weight = kind(DERIVATIVE[d - 1])
-        left, right = centre[HALO - d : HALO - d + width], centre[HALO + d : HALO + d + width]
-        for x in range(width):
-            target_x[x] += weight * (right[x] - left[x])
-        up_row, up_sign, up_first, up_last = reflect(y - d, height, True)
-        down_row, down_sign, down_first, down_last = reflect(y + d, height, True)
-        up, down = mean[up_row % _KEPT][HALO:], mean[down_row % _KEPT][HALO:]
-        a, b = weight * kind(down_sign), weight * kind(up_sign)
-        for x in range(width):
-            target_y[x] += a * down[x] - b * up[x]
-        for times, border_row in ((down_first - up_first, 0), (down_last - up_last, height - 1)):
-            if times != 0:
-                border, share = mean[border_row % _KEPT][HALO:], weight * kind(times)
-                for x in range(width):
-                    target_y[x] += share * border[x]
-
-
-@inner
-def _moved_axes_row(
-    kept: NDArray[Any], y: int, height: int, plane: NDArray[Any], target_x: NDArray[Any], target_y: NDArray[Any],
-    slopes: NDArray[Any],
-) -> None:  # fmt: skip
-    """Multiply the gradients of a row by F⁻ᵀ, from the dense displacement of the rows around it.
-
-    `slopes` is scratch of shape (2, width), for ∂u/∂x and ∂v/∂x.
-    """
-    above, place, below = max(y - 1, 0), y % _KEPT, min(y + 1, height - 1)
-    width, kind = target_x.size, plane.dtype.type
-    one, half, steep = kind(1), kind(0.5), kind(1 / max(below - above, 1))
-    above, below = above % _KEPT, below % _KEPT
-    for c in range(2):
-        line, slope = kept[_U + c, place], slopes[c]
-        for x in range(1, width - 1):
-            slope[x] = (line[x + 1] - line[x - 1]) * half
-        slope[0], slope[width - 1] = (
-            line[min(1, width - 1)] - line[0],
-            line[width - 1] - line[max(width - 2, 0)],
-        )
-    u_x, v_x = slopes[0], slopes[1]
-    u0, v0, u1, v1 = kept[_U, above], kept[_V, above], kept[_U, below], kept[_V, below]
-    for x in range(width):
-        F_xx, F_xy = one + plane[2] + u_x[x], plane[3] + (u1[x] - u0[x]) * steep
-        F_yx, F_yy = plane[4] + v_x[x], one + plane[5] + (v1[x] - v0[x]) * steep
-        area = F_xx * F_yy - F_xy * F_yx
-        sound = area > kind(LEAST_AREA)
-        inverse = one / (area if sound else one)
-        g_x, g_y = target_x[x], target_y[x]
-        target_x[x] = (F_yy * g_x - F_yx * g_y) * inverse if sound else g_x
-        target_y[x] = (F_xx * g_y - F_xy * g_x) * inverse if sound else g_y
-
-
-@inner
-def _right_row(
-    kept: NDArray[Any], place: int, form: Form, masked: bool, target_x: NDArray[Any], target_y: NDArray[Any],
-    right: NDArray[Any],
-) -> None:  # fmt: skip
-    """Right-hand side of a row; takes the gradient from pixels without a partner.
-
-    Where there is a mask, a pixel whose gradient would need one without a value has no partner either.
-    """
-    r, scaled, u, v = kept[_RESIDUAL, place], kept[_SCALED, place], kept[_U, place], kept[_V, place]
-    width, kind = right.size, right.dtype.type
-    zero, nothing, whole = kind(0), kind(np.nan), kind(0)
-    if form.total:
-        whole = kind(2 if form.central else 1)
-    if masked:
-        for x in range(width):
-            lacking = target_x[x] != target_x[x] or target_y[x] != target_y[x]
-            r[x] = nothing if lacking else r[x]
-        for x in range(width):
-            scaled[x] = scaled[x] if r[x] == r[x] else nothing
-    for x in range(width):
-        target_x[x] = target_x[x] if r[x] == r[x] else zero
-    for x in range(width):
-        target_y[x] = target_y[x] if r[x] == r[x] else zero
-    for x in range(width):
-        right[x] = ((target_x[x] * u[x] + target_y[x] * v[x]) * whole - r[x]) if r[x] == r[x] else zero
 
 
 @inner
@@ -346,51 +190,45 @@ def image_strip(pair: Pair, motion: Motion, form: Form, start: int, stop: int, i
     """
     height, width = pair.image.shape
     kind, masked = pair.image.dtype, form.central or pair.valid.size > 0
-    kept = np.empty((_KINDS, _KEPT, width + 2 * HALO), kind)
+    kept = np.empty((KINDS, KEPT, width + 2 * HALO), kind)
     position, variance, lit = np.empty((2, width), kind), np.ones((2, width), kind), np.empty(width, kind)
-    scratch, work = (
-        np.empty((scratch_rows(form.taps), width), kind),
-        blender(motion.maps, motion.grid[2], width),
-    )
+    scratch, step = np.empty((scratch_rows(form.taps), width), kind), motion.grid[2]
+    work, lamp = blender(motion.maps, step, width), blender(motion.maps, step, width)
+    everywhere, whole = np.empty(0, np.uint8), (2.0 if form.central else 1.0) if form.total else 0.0
     ahead = max(0, start - HALO)
     for y in range(start, stop):
         while ahead < min(height, y + HALO + 1):
-            place = ahead % _KEPT
+            place = ahead % KEPT
             for c in range(2):
-                blend_line(
-                    motion.maps, motion.twist, motion.grid, ahead, c, work, kept[_U + c, place][:width]
-                )
-            _shifted_rows(kept, place, motion.plane, ahead, position)
-            warp_row(pair.moved, position[0], position[1], ahead, scratch, lit, variance[1])
-            copy_line(lit, kept[_WARPED, place], width)
-            if form.central:
-                for x in range(width):
+                blend_line(motion.maps, motion.twist, motion.grid, ahead, c, work, kept[U + c, place][:width])
+            shifted_rows(kept, place, motion.plane, ahead, position)
+            for frame in range(2 if form.central else 1):  # the moved one, then the still one
+                asked, row = (pair.moved, lit) if frame == 0 else (pair.still, kept[STILL, place][:width])
+                warp_row(asked, position[0], position[1], ahead, scratch, row, variance[1 - frame])
+                for x in range(width if form.central else 0):
                     position[0, x], position[1, x] = -position[0, x], -position[1, x]
-                warp_row(
-                    pair.still,
-                    position[0],
-                    position[1],
-                    ahead,
-                    scratch,
-                    kept[_STILL, place][:width],
-                    variance[0],
-                )
-            else:
-                _still_row(pair, ahead, kept[_STILL, place])
+            copy_line(lit, kept[WARPED, place], width)
+            if not form.central:
+                valid = pair.valid[ahead] if masked else everywhere
+                still_row(pair.image[ahead], valid, kept[STILL, place])
             if motion.light.size:
-                _relight_row(motion.light, motion.grid, ahead, work.basis, scratch, lit)
-            _compare_row(kept, place, lit, variance)
+                for c in range(2):
+                    blend_line(motion.light[:6], motion.light[6:], motion.grid, ahead, c, lamp, scratch[c])
+                gain, offset = scratch[0], scratch[1]
+                for x in range(width):
+                    lit[x] = (lit[x] - offset[x]) / gain[x]
+            compare_row(kept, place, lit, variance)
             ahead += 1
-        place, k = y % _KEPT, y - start
+        place, k = y % KEPT, y - start
         gradient_x, gradient_y = images.gradient_x[k], images.gradient_y[k]
-        _gradient_row(kept[_MEAN], y, height, gradient_x, gradient_y)
+        gradient_row(kept[MEAN], y, height, gradient_x, gradient_y)
         if not form.central:
-            _moved_axes_row(kept, y, height, motion.plane, gradient_x, gradient_y, scratch)
-        _right_row(kept, place, form, masked, gradient_x, gradient_y, images.right[k])
-        copy_line(kept[_SCALED, place], images.residual[k], width)
-        copy_line(kept[_WARPED, place], images.warped[k], width)
+            moved_axes_row(kept, y, height, motion.plane, gradient_x, gradient_y, scratch)
+        right_row(kept, place, whole, masked, gradient_x, gradient_y, images.right[k])
+        copy_line(kept[SCALED, place], images.residual[k], width)
+        copy_line(kept[WARPED, place], images.warped[k], width)
         if form.central:
-            still, target = kept[_STILL, place], images.still[k]
+            still, target = kept[STILL, place], images.still[k]
             for x in range(width):
                 target[x] = still[x] if still[x] == still[x] else 0
 

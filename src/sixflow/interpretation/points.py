@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from sixflow.checks import numbers
 from sixflow.engine.lowpass import lowpass_noise
+from sixflow.engine.rows import DERIVATIVE
 from sixflow.engine.spline import DEGREE, gradient_noise
-from sixflow.engine.sweep import DERIVATIVE
 from sixflow.engine.window import attenuation_period, window_sigma
 from sixflow.errors import InputError
 from sixflow.field.dataset import FLAGS, SIX

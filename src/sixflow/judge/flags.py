@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.convention.reference import SHARE
-from sixflow.engine.sweep import LEAST_AREA
+from sixflow.engine.rows import LEAST_AREA
 from sixflow.engine.weigh import by_chance
 from sixflow.judge.contradiction import (
     at_edge,

@@ -221,7 +221,7 @@ class Sweep:
         twist = twist_of(reduced, grid.step)
         return Motion(
             reduced.astype(dtype), twist.astype(dtype), grid.origin_and_step, plane.astype(dtype),
-            _light_planes(light, grid.step, dtype),
+            light_planes(light, grid.step, dtype),
         )  # fmt: skip
 
 
@@ -249,14 +249,13 @@ def mean_plane(maps: NDArray[Any], grid: Grid) -> NDArray[np.float64]:
     return mean
 
 
-def _light_planes(light: NDArray[Any] | None, step: int, dtype: Any) -> NDArray[Any]:
-    """Gain and offset with their x-slope, y-slope and twist 0; shape (2, 4, rows, columns), or of size 0."""
+def light_planes(light: NDArray[Any] | None, step: int, dtype: Any) -> NDArray[Any]:
+    """Gain and offset with slopes and twists (0), as in `Motion.light`; shape (8, rows, columns), or size 0."""
     if light is None:
-        return np.empty((0, 0, 0, 0), dtype)
-    planes = np.zeros((2, 4, *light.shape[1:]), dtype)
-    for k, plane in enumerate(light):
-        planes[k, 0] = plane
-        for slope, axis in ((1, 1), (2, 0)):
-            if plane.shape[axis] > 1:
-                planes[k, slope] = np.gradient(plane, step, axis=axis)
+        return np.empty((0, 0, 0), dtype)
+    planes = np.zeros((8, *light.shape[1:]), dtype)
+    planes[:2] = light
+    for k, axis in ((2, 1), (3, 0)):
+        if light.shape[axis + 1] > 1:
+            planes[k], planes[k + 2] = np.gradient(light, step, axis=axis + 1)
     return planes
