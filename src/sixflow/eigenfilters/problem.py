@@ -27,7 +27,7 @@ from sixflow.eigenfilters.default import SMALLEST_ARRAY, array_bank, array_spaci
 from sixflow.eigenfilters.geometry import Real
 from sixflow.eigenfilters.pool import Pool, shifted
 from sixflow.eigenfilters.projection import Projection
-from sixflow.engine.sweep import DERIVATIVE
+from sixflow.engine.rows import DERIVATIVE
 from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
 from sixflow.maps.grid import Grid

@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.engine.rows import DERIVATIVE
 from sixflow.engine.solve import explained_strip, normal_matrices, solve_strip, texture_strip
 from sixflow.engine.spline import gradient_noise
-from sixflow.engine.sweep import DERIVATIVE, Images
+from sixflow.engine.sweep import Images
 from sixflow.engine.threads import over_strips
 from sixflow.engine.weigh import find_weights
 from sixflow.maps.grid import Grid
