@@ -120,6 +120,15 @@ def _is_stored(compiled: Any, dtype: str) -> bool:
     signatures = getattr(getattr(compiled, "_cache", None), "signatures", None)
     if signatures is None:
         return True
-    types = [{str(getattr(argument, "dtype", "")) for argument in found} for found in signatures()]
+    types = [_image_types(found) for found in signatures()]
     single = "float32"
     return any((single in found) == (dtype == single) for found in types if found & {single, "float64"})
+
+
+def _image_types(arguments: tuple[Any, ...]) -> set[str]:
+    """Types of the elements of arrays among the types of arguments, also of those in tuples."""
+    found = set()
+    for argument in arguments:
+        inside = getattr(argument, "types", None)
+        found |= {str(getattr(argument, "dtype", ""))} if inside is None else _image_types(tuple(inside))
+    return found
