@@ -50,7 +50,8 @@ import scipy
 from numpy.typing import NDArray
 
 from sixflow.convention.flags import FAILING, FLAGS
-from sixflow.engine.evidence import refuted_strip, suspects_strip
+from sixflow.engine.evidence import Compared, Points, refuted_strip, suspects_strip
+from sixflow.engine.interpolate import Interpolant
 from sixflow.engine.scales import OF_CONTRAST, local_contrast
 from sixflow.engine.threads import over_strips
 from sixflow.judge.contradiction import gradient_variances
@@ -123,22 +124,18 @@ def refuted(still: Frame, moved: Frame, grid: Grid, found: Solution, plan: Plan)
     bend = curvature(np.where(asked, maps, np.nan), grid.step, float(np.median(window[suspects])))
     degree, share = plan.degree, plan.share
     none, valid = np.empty((0, 0), still.image.dtype), still.interpolable() if share else still.valid
-    frames = (
+    noiseless = 0.0, 0.0, 0.0
+    frames = Compared(
         still.image,
-        still.coefficients(degree) if share else none,
-        valid,
-        moved.coefficients(degree),
-        moved.interpolable(),
+        Interpolant(still.coefficients(degree) if share else none, valid, noiseless),
+        Interpolant(moved.coefficients(degree), moved.interpolable(), noiseless),
+        share,
     )
-    tone = np.empty((0, 0, 2)) if light is None else np.asarray(light, np.float64)
     least = OF_CONTRAST / math.sqrt(2) * local_contrast(still.image, valid, grid.y, grid.x)
-    noise = np.maximum(found.statistics.noise, least)
-    over_strips(
-        lambda a, b: refuted_strip(
-            frames, maps, variances, bend, noise, tone, asked, suspects, reach, window,
-            grid.origin_and_step, share, degree + 1, 2 * least**2, a, b, out,
-        ),
-        grid.rows,
-        _STRIP,
+    points = Points(
+        maps, variances, bend, np.maximum(found.statistics.noise, least), 2 * least**2,
+        np.empty((0, 0, 2)) if light is None else np.asarray(light, np.float64), asked, suspects, reach, window,
+        grid.origin_and_step,
     )  # fmt: skip
+    over_strips(lambda a, b: refuted_strip(frames, points, degree + 1, a, b, out), grid.rows, _STRIP)
     return out
