@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from sixflow.engine import codecache
+from sixflow.engine import codecache, interpolate, pixel
 from sixflow.engine.codecache import CodeCache, source_digest
 from sixflow.engine.compiler import _KERNELS
 
@@ -57,6 +57,14 @@ def test_modules_closures_and_options_count(monkeypatch):
     assert source_digest(shallow) != before
     assert source_digest(made(1.0)) == source_digest(made(1.0)) != source_digest(made(2.0))
     assert source_digest(inner, "fast") != source_digest(inner)
+
+
+def test_vector_instructions_count(monkeypatch):
+    function = getattr(interpolate._sum_row, "py_func", interpolate._sum_row)
+    before = source_digest(function)
+    assert source_digest(function) == before
+    monkeypatch.setattr(pixel, "_FLAGS", ())
+    assert source_digest(function) != before
 
 
 def test_digests_are_the_same_in_every_process():
