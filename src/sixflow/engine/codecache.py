@@ -208,7 +208,9 @@ def _names(code: types.CodeType) -> Iterator[str]:
 
 def _of_value(value: Any, names: tuple[str, ...], seen: set[int]) -> Iterator[bytes]:
     """Parts of a value that a kernel reads: code, if it calls it; of a module of ours, what it may take from it."""
-    function = getattr(value, "py_func", getattr(value, "__wrapped__", value))  # a kernel; vector instructions
+    function = getattr(
+        value, "py_func", getattr(value, "__wrapped__", value)
+    )  # a kernel; vector instructions
     if isinstance(function, types.FunctionType):
         yield from _of_function(function, seen)
     elif isinstance(value, types.ModuleType):

@@ -175,7 +175,10 @@ def window_strip(
     node_rows, planes, nodes = moments.shape
     columns, phases, stride, taps = out.shape[1], across.first.size, across.stride, across.weights.shape[2]
     ranks, size, source = layout.ranks, planes * nodes, moments.reshape(-1)
-    low, high = across.first.min() // stride, (across.first.max() + taps - 1) // stride
+    low, high = across.first[0], across.first[0]
+    for first in across.first:
+        low, high = min(low, first), max(high, first)
+    low, high = low // stride, (high + taps - 1) // stride
     before = max(0, -low)
     width = (columns - 1) // phases + 1 + before + max(0, high)
     kind = moments.dtype

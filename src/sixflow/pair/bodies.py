@@ -138,7 +138,8 @@ class PairBodies:
         grid, places = self._grid_in(points, part)
         still, asked, moved, light = self._frames(number, part, grid)
         if number is None:
-            _require_pixels(asked, moved)
+            masks = self.reference.bodies is not None, self.masks_move and self.moved.bodies is not None
+            _require_pixels(asked, moved, masks)
         known = None if start is None else start.of(number, places, grid)
         guess = None if self.guess is None else self.guess[(slice(None), *places)]
         if plan.reference == "second":
@@ -190,12 +191,15 @@ def _where(region: NDArray[np.uint8], frame: Frame) -> NDArray[np.uint8]:
     return NO_MASK if valid.all() else valid
 
 
-def _require_pixels(asked: Frame, other: Frame) -> None:
-    """Require both frames to have values where their masks are True."""
-    for frame, which, name in ((asked, "mask", "frame 0"), (other, "mask of the second frame", "that")):
+def _require_pixels(asked: Frame, other: Frame, masked: tuple[bool, bool]) -> None:
+    """Require both frames to have values where their masks, if they have any, are True."""
+    masks = ("mask", "frame 0"), ("mask of the second frame", "that")
+    for k, (frame, (which, name)) in enumerate(zip((asked, other), masks, strict=True)):
         if frame.valid.size and not frame.valid.any():
             raise BadFrameError(
                 f"{which} is True only where {name} has no value (NaN or infinite): nothing is left to measure"
+                if masked[k]
+                else f"frame{k} has no content where the other frame has: all of its pixels have one value, or none"
             )
 
 
