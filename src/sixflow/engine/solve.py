@@ -221,6 +221,41 @@ def texture_strip(
 
 
 @kernel
+def _multiply(a: NDArray[Any], b: NDArray[Any], out: NDArray[Any]) -> None:
+    """Σ_s a[s] b[s] of LANES points; a and b (6, LANES), out (LANES,)."""
+    for lane in range(LANES):
+        out[lane] = 0
+    for s in range(6):
+        x, y = a[s], b[s]
+        for lane in range(LANES):
+            out[lane] += x[lane] * y[lane]
+
+
+@kernel
+def _bread(
+    matrix: NDArray[Any], transform: NDArray[Any], rho: NDArray[Any], feedback: NDArray[Any], first: int,
+    bread: NDArray[Any],
+) -> None:  # fmt: skip
+    """Rows of transform · H̃⁻¹ of LANES points from the first on, with the feedback of noise; H̃ is overwritten."""
+    cholesky(matrix)
+    factor = np.empty((2, LANES))
+    for lane in range(LANES):
+        entry = int(
+            min(max(rho[min(first + lane, rho.size - 1)] / FEEDBACK_STEP, 0.0), feedback.shape[1] - 1.0)
+        )
+        factor[0, lane], factor[1, lane] = feedback[0, entry], feedback[1, entry]
+    for k in range(6):
+        row, scale = bread[k], factor[0 if k < 2 else 1]
+        for n in range(6):
+            for lane in range(LANES):
+                row[n, lane] = transform[k, n]
+        cholesky_solve(matrix, row)
+        for n in range(6):
+            for lane in range(LANES):
+                row[n, lane] *= scale[lane]
+
+
+@kernel
 def covariance_strip(
     moments: NDArray[Any],
     sandwich: NDArray[Any],
@@ -248,48 +283,27 @@ def covariance_strip(
         NaN where the texture does not rise above the noise.
     """
     full, meat = np.empty((6, 6, LANES)), np.empty((6, 6, LANES))
-    bread, half = np.empty((6, 6, LANES)), np.empty((6, LANES))
-    factor = np.empty((2, LANES))
+    bread, half, total = np.empty((6, 6, LANES)), np.empty((6, LANES)), np.empty(LANES)
     columns = moments.shape[1]
     for j in range(start, stop):
         for first in range(0, columns, LANES):
             _assemble(moments, j, first, full)
             _assemble(sandwich, j, first, meat)
-            for lane in range(LANES):
-                i = min(first + lane, columns - 1)
-                for k in range(6):  # white noise adds γ Σw(1, X, Y)(1, X, Y)ᵀ, diagonal in a whole window
-                    full[k, k, lane] -= noise_gradient[j, i]
-                entry = int(min(max(rho[j, i] / FEEDBACK_STEP, 0.0), feedback.shape[1] - 1.0))
-                factor[0, lane], factor[1, lane] = feedback[0, entry], feedback[1, entry]
             for k in range(6):
                 for n in range(k + 1, 6):
                     upper, lower = meat[k, n], meat[n, k]
                     for lane in range(LANES):
                         upper[lane] = lower[lane]
-            cholesky(full)
-            for k in range(6):  # bread = transform · H̃⁻¹, row by row
-                row = bread[k]
-                for n in range(6):
-                    for lane in range(LANES):
-                        row[n, lane] = transform[k, n]
-                cholesky_solve(full, row)
-                scale = factor[0 if k < 2 else 1]
-                for n in range(6):
-                    for lane in range(LANES):
-                        row[n, lane] *= scale[lane]
+            for lane in range(LANES):
+                gamma = noise_gradient[j, min(first + lane, columns - 1)]
+                for k in range(6):  # white noise adds γ Σw(1, X, Y)(1, X, Y)ᵀ, diagonal in a whole window
+                    full[k, k, lane] -= gamma
+            _bread(full, transform, rho[j], feedback, first, bread)
+            count = min(LANES, columns - first)
             for k in range(6):
                 for n in range(6):
-                    target = half[n]
-                    for lane in range(LANES):
-                        target[lane] = 0
-                    for s in range(6):
-                        a, b = bread[k, s], meat[s, n]
-                        for lane in range(LANES):
-                            target[lane] += a[lane] * b[lane]
+                    _multiply(bread[k], meat[:, n], half[n])
                 for n in range(k + 1):
-                    for lane in range(min(LANES, columns - first)):
-                        total = 0.0
-                        for s in range(6):
-                            total += half[s, lane] * bread[n, s, lane]
-                        out[j, first + lane, k, n] = total
-                        out[j, first + lane, n, k] = total
+                    _multiply(half, bread[n], total)
+                    for lane in range(count):
+                        out[j, first + lane, k, n] = out[j, first + lane, n, k] = total[lane]

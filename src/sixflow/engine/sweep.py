@@ -67,8 +67,10 @@ STATISTICS = (
     (_I1, _COUNTED), (_I1, _I1), (_I0, _I1),
 )  # fmt: skip
 """Products of lines: of g and q; of r g; of 1, |r|, I₀ and I₁."""
+OF_REFERENCE = 5
+"""How many of the statistics, from the first, need no I₁."""
 
-NORMAL_RANKS, SANDWICH_RANKS, STATISTICS_RANKS = (3, 2, 0), (3, 0, 0), (0, 0, 8)
+NORMAL_RANKS, SANDWICH_RANKS = (3, 2, 0), (3, 0, 0)
 
 
 class Pair(NamedTuple):

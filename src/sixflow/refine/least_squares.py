@@ -74,7 +74,14 @@ class LeastSquares:
         self.still, self.moved, self.grid, self.plan = still, moved, grid, plan
         self.sigma = plan.window.sigma
         self.sweep = Sweep(
-            still, moved, grid, self.sigma, degree=plan.degree, lowpass=plan.lowpass, central=self.central
+            still,
+            moved,
+            grid,
+            self.sigma,
+            degree=plan.degree,
+            lowpass=plan.lowpass,
+            central=self.central,
+            of_both=plan.lighting == "gain+offset",
         )
         self.floor = floor_of_windows(still, moved, grid, self.sigma)
         self.rounded = max(still.rounded, moved.rounded)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.engine.moments import Part, plane_at, plane_count
-from sixflow.engine.sweep import NORMAL_RANKS, SANDWICH_RANKS, STATISTICS_RANKS
+from sixflow.engine.sweep import NORMAL_RANKS, SANDWICH_RANKS
 from sixflow.engine.threads import over_strips
 from sixflow.errors import InputError
 from sixflow.maps.grid import Grid
@@ -85,9 +85,9 @@ class Moments:
     normal : array, shape (node rows, 24, node columns)
         g_x², g_x g_y, g_y² with 1, X, Y, X², XY, Y²; g_x q, g_y q with 1, X, Y; in the order of
         `sixflow.engine.moments.plane_at`.
-    statistics : array, shape (node rows, 8, node columns)
-        1, |r|, r², I₀, I₀², I₁, I₁², I₀I₁ over the pixels that have a partner. I₁ is the warped frame before its light
-        is corrected.
+    statistics : array, shape (node rows, 5 or 8, node columns)
+        1, |r|, r², I₀, I₀² and, where they are asked for, I₁, I₁², I₀I₁ over the pixels that have a partner. I₁ is the
+        warped frame before its light is corrected.
     sandwich : array, shape (node rows, 18, node columns), or None
         r²g_x², r²g_x g_y, r²g_y² with 1, X, Y, X², XY, Y².
     """
@@ -103,7 +103,7 @@ class Moments:
         Raises
         ------
         InputError
-            If their nodes are not the same, or one has a sandwich and the other has not.
+            If their nodes are not the same, or one has a sandwich, or statistics of both frames, and the other has not.
         """
         if not isinstance(other, Moments):
             return NotImplemented
@@ -115,13 +115,16 @@ class Moments:
             raise InputError(
                 "moments with a sandwich cannot be added to those without: sum it in both, or in neither"
             )
+        if self.statistics.shape != other.statistics.shape:
+            raise InputError("moments with statistics of one frame and of both cannot be added: sum one kind")
         sandwich = None if self.sandwich is None or other.sandwich is None else self.sandwich + other.sandwich
         return Moments(self.lattice, self.normal + other.normal, self.statistics + other.statistics, sandwich)
 
     def coarser(self) -> Moments:
         """Moments about every second node, under hats of twice the width: exactly what a sweep would sum."""
         sandwich = None if self.sandwich is None else _merged(self.sandwich, SANDWICH_RANKS)
-        normal, statistics = _merged(self.normal, NORMAL_RANKS), _merged(self.statistics, STATISTICS_RANKS)
+        normal = _merged(self.normal, NORMAL_RANKS)
+        statistics = _merged(self.statistics, (0, 0, self.statistics.shape[1]))
         return Moments(self.lattice.coarser(), normal, statistics, sandwich)
 
 

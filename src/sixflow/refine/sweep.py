@@ -17,10 +17,10 @@ from sixflow.engine.spline import noise_variance
 from sixflow.engine.sweep import (
     NORMAL,
     NORMAL_RANKS,
+    OF_REFERENCE,
     SANDWICH,
     SANDWICH_RANKS,
     STATISTICS,
-    STATISTICS_RANKS,
     Form,
     Images,
     Motion,
@@ -53,11 +53,13 @@ class Sweep:
         That both frames have gone through, px.
     central : bool
         Seen from the middle: both frames are brought there by half.
+    of_both : bool
+        Sum the statistics of both frames, not of the reference alone: 8, not 5.
     """
 
     def __init__(
         self, reference: Frame, moved: Frame, grid: Grid, sigma: float, *, degree: int, lowpass: float = 0.0,
-        central: bool = False,
+        central: bool = False, of_both: bool = True,
     ) -> None:  # fmt: skip
         self.grid, self.lowpass, self.central, self.degree = grid, lowpass, central, degree
         self.shape, self.dtype = reference.image.shape, reference.image.dtype
@@ -72,10 +74,11 @@ class Sweep:
             Interpolant(moved.coefficients(degree), moved.interpolable(), noise),
         )
         self._spare: list[NDArray[Any]] = []
+        self._statistics = 0, 0, len(STATISTICS) if of_both else OF_REFERENCE
         b = self.lattice.spacing
         self._recipes = (
             cells_of(b, NORMAL, NORMAL_RANKS, self.dtype),
-            cells_of(b, STATISTICS, STATISTICS_RANKS, self.dtype),
+            cells_of(b, STATISTICS[: self._statistics[2]], self._statistics, self.dtype),
             cells_of(b, SANDWICH, SANDWICH_RANKS, self.dtype),
         )
 
@@ -204,7 +207,7 @@ class Sweep:
         return plain
 
     def _summed(self, task: Any, sandwich: bool) -> Moments:
-        ranks = NORMAL_RANKS, STATISTICS_RANKS, SANDWICH_RANKS if sandwich else (0, 0, 0)
+        ranks = NORMAL_RANKS, self._statistics, SANDWICH_RANKS if sandwich else (0, 0, 0)
         normal, statistics, third = summed(self.lattice, ranks, self.dtype, task)
         return Moments(self.lattice, normal, statistics, third if sandwich else None)
 

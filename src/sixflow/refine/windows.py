@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sixflow.engine.blend import blend_strip, twist_of
 from sixflow.engine.moments import cells_of, plane_at, plane_count, product_strip
-from sixflow.engine.sweep import NORMAL_RANKS, SANDWICH_RANKS, STATISTICS_RANKS
+from sixflow.engine.sweep import NORMAL_RANKS, SANDWICH_RANKS
 from sixflow.engine.threads import over_strips
 from sixflow.engine.windows import Layout, taps_across, taps_down, window_strip
 from sixflow.maps.grid import Grid
@@ -28,8 +28,8 @@ class WindowSums:
     ----------
     normal : array, shape (rows, columns, 24)
         Of g_x², g_x g_y, g_y² times 1, X, Y, X², XY, Y²; of g_x q, g_y q times 1, X, Y.
-    statistics : array, shape (rows, columns, 8)
-        Of 1, |r|, r², I₀, I₀², I₁, I₁², I₀I₁ over the pixels that have a partner.
+    statistics : array, shape (rows, columns, 5 or 8)
+        Of 1, |r|, r², I₀, I₀², I₁, I₁², I₀I₁ over the pixels that have a partner; without I₁ the first five.
     sandwich : array, shape (rows, columns, 18), or None
         Of r²g_x², r²g_x g_y, r²g_y² times 1, X, Y, X², XY, Y², under the square of the window.
     """
@@ -51,12 +51,13 @@ def window_sums(moments: Moments, grid: Grid, sigma: float) -> WindowSums:
         Of the Gaussian, px; ∫w = 1.
     """
     planes, lattice = moments, moments.lattice
+    statistics = 0, 0, planes.statistics.shape[1]
     sandwich = None
     if planes.sandwich is not None:
         sandwich = sums_of(planes.sandwich, SANDWICH_RANKS, lattice, grid, sigma, power=2)
     return WindowSums(
         sums_of(planes.normal, NORMAL_RANKS, lattice, grid, sigma),
-        sums_of(planes.statistics, STATISTICS_RANKS, lattice, grid, sigma),
+        sums_of(planes.statistics, statistics, lattice, grid, sigma),
         sandwich,
     )
 
