@@ -77,6 +77,7 @@ def _settled(problem: Problem, start: Array) -> Pass:
         else:
             state = found.state
         maps = _filled(problem, found, weighed=state.weights is not None)
+        del found  # what it holds of the pixels need not stand beside that of the next
 
 
 def _stays(plan: Plan, found: Pass) -> bool:

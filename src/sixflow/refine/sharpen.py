@@ -160,7 +160,7 @@ def sharpen(
     far = max(plan.tolerance, _STANDS)
     known, held = left, np.zeros(problem.grid.shape, np.bool_)
     stride, before = np.ones(problem.grid.shape), np.full(problem.grid.shape, np.inf)
-    for _ in range(SHARPEN_PASSES):
+    for left_over in range(SHARPEN_PASSES - 1, -1, -1):
         found = problem.step(maps, state, total=False, last=True)
         state, increment = found.state, found.maps - maps
         failed = np.isnan(increment).any(axis=0) | ~measurable
@@ -173,8 +173,9 @@ def sharpen(
         moved = settle(np.where(measurable, maps + stride * (aim - maps), np.nan), step, window.resolving)
         maps = np.where(held, plain, moved)
         left, before = distance * np.where(stride == 1, SHARPENED, 1.0), distance
-        if typical(np.where(held, np.nan, left)) < plan.tolerance:
+        if not left_over or typical(np.where(held, np.nan, left)) < plan.tolerance:
             break
+        del found  # what it holds of the pixels need not stand beside that of the next
     if not sharpened:
         with np.errstate(invalid="ignore"):
             held |= left > 2 * far
