@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.convention.flags import FLAGS
 from sixflow.engine.lowpass import lowpass_noise
 from sixflow.field.dataset import build_field
@@ -20,6 +19,7 @@ from sixflow.frames.times import PairTimes
 from sixflow.judge.replace import replace_failed
 from sixflow.maps.motion import Motion, one_frames_share
 from sixflow.maps.restriction import ABSENT
+from sixflow.maps.six import six_of_maps
 from sixflow.plan import Plan
 from sixflow.prepare.frame import both_valid
 from sixflow.prepare.prepare import Prepared, PreparedPair
@@ -111,7 +111,7 @@ def result_of_solution(
         Give failed points what their neighbours predict.
     """
     flag, failed, statistics = found.flag, found.failed, found.statistics
-    six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, found.maps, axes=1), 0, -1)
+    six = six_of_maps(found.maps)
     six[..., ABSENT.get(plan.group, ())] *= 0.0  # by assumption, not by rounding; NaN stays NaN
     measured: dict[str, Any] = {
         "six": six.astype(plan.dtype),

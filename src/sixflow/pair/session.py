@@ -12,11 +12,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.errors import BadFrameError
 from sixflow.frames.floor import Floor
 from sixflow.frames.times import PairTimes
 from sixflow.maps.grid import Grid
+from sixflow.maps.six import six_of_maps
 from sixflow.masks import AnyBodies, Bodies, Masks
 from sixflow.masks.outlines import region_of
 from sixflow.masks.said import said_of_mask
@@ -203,5 +203,5 @@ class Session:
         if not kept or self.guess_maps is None:
             return field
         said = {"long_name": "first guess of the six numbers, in the order of param", "units": "px, 1"}
-        six = np.moveaxis(np.tensordot(SIX_FROM_GRADIENT, self.guess_maps, axes=1), 0, -1)
+        six = six_of_maps(self.guess_maps)
         return field.assign(guess=(("time", "y", "x", "param"), six[None], said))

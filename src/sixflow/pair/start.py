@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.convention import GRADIENT_FROM_SIX
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import fill_failed
 from sixflow.maps.placing import leaves
+from sixflow.maps.six import maps_of_six
 from sixflow.plan import Plan
 
 LOST_FROM_START = 0.05
@@ -40,7 +40,7 @@ class Start:
     @classmethod
     def from_six(cls, six: NDArray[Any], flag: NDArray[Any], body: NDArray[Any] | None) -> Start:
         """Take an earlier result of the same grid as a start."""
-        maps = np.moveaxis(six.astype(np.float64) @ GRADIENT_FROM_SIX.T, -1, 0)
+        maps = maps_of_six(six.astype(np.float64))
         maps[:, (flag & FAILING) != 0] = np.nan
         return cls(
             np.ascontiguousarray(maps), np.where(flag & FLAGS["masked"], 0, 1) if body is None else body

@@ -44,9 +44,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.engine.response import response
 from sixflow.maps.grid import Grid
+from sixflow.maps.six import six_of_maps
 from sixflow.plan import Window
 from sixflow.refine.solution import Solution
 
@@ -99,7 +99,7 @@ def risks(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) -> Ar
         That they were measured with.
     grid : Grid
     """
-    six = [np.tensordot(SIX_FROM_GRADIENT, level.maps, axes=1) for level in levels]
+    six = [np.moveaxis(six_of_maps(level.maps), -1, 0) for level in levels]
     variances = [_variances(level, window) for level, window in zip(levels, windows, strict=True)]
     usable = np.stack([~level.failed for level in levels])
     product = np.ones((len(levels), *grid.shape))

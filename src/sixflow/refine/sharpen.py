@@ -181,4 +181,4 @@ def sharpen(
             held |= left > 2 * far
     left = np.where(held & ~np.isnan(left), known, left)
     maps = np.where(np.isnan(left), np.nan, np.where(held, plain, maps))
-    return problem.solution(found, maps, left, sharpened=True, held=held)
+    return problem.solution(found, maps, left, sharpened=True, held=held)  # noqa: F821 - of the last turn

@@ -22,6 +22,7 @@ from sixflow.convention.six import GRADIENT_FROM_SIX
 from sixflow.errors import InputError
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import fill_failed
+from sixflow.maps.six import maps_of_six
 from sixflow.search.pyramid import finer
 from sixflow.settings import Settings
 from sixflow.settings.affine_guess import KINDS, as_numbers
@@ -113,7 +114,7 @@ def _of_field(field: xr.Dataset, grid: Grid) -> NDArray[np.float64]:
     six = np.stack([field[name].transpose("y", "x").values.astype(np.float64) for name in SIX])
     if not np.isfinite(six).all(axis=0).any():
         raise InputError("search: the field has no point with a value; give another guess")
-    maps = fill_failed(np.tensordot(GRADIENT_FROM_SIX, six, axes=1), source.step)
+    maps = fill_failed(maps_of_six(np.moveaxis(six, 0, -1)), source.step)
     return maps if source == grid else finer(maps, source, grid, 1.0)
 
 
