@@ -166,7 +166,7 @@ def test_first_run_needs_compiling(tmp_path):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
     assert done.stdout == "True True\n"
     assert done.stderr == (
-        "sixflow: compiling kernels (first run only, about 15 s; `sixflow warm-up` does it beforehand) …\n"
+        "sixflow: compiling kernels (first run only, up to a minute; `sixflow warm-up` does it beforehand) …\n"
     )
 
 

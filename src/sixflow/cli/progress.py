@@ -74,4 +74,4 @@ def announce_compilation(dtype: str, *, quiet: bool = False) -> None:
     from sixflow.engine.compiler import needs_compiling
 
     if is_shown(quiet) and needs_compiling(dtype):
-        say("compiling kernels (first run only, about 15 s; `sixflow warm-up` does it beforehand) …")
+        say("compiling kernels (first run only, up to a minute; `sixflow warm-up` does it beforehand) …")
