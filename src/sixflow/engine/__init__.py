@@ -1,9 +1,16 @@
-"""The engine: compiled kernels of one least-squares pass over a frame pair.
+"""The engine: all compiled kernels, and what compiles, keeps and runs them.
 
-`spline` (prefilter) → `blend` (dense map from local affine maps) → `warp` (moved frame onto the
-reference, gradients, residual) → `moments` (Gaussian window sums at grid points) → `solve` (six numbers
-and covariance per point).
+| of a pass | what |
+|---|---|
+| `spline`, `fir` | prefilter of the moved frame |
+| `blend` | dense motion from local affine maps |
+| `interpolate`, `pixel` | the moved frame at displaced places |
+| `rows`, `sweep` | residual, gradient and right-hand side, row by row |
+| `moments`, `windows` | sums about nodes, and windows of these |
+| `solve` | the six numbers of every window, and their covariance |
+| `scales`, `weigh` | weights of pixels |
 
-Every kernel works on a range of rows without holding Python's lock; `threads` hands fixed strips of
-rows to a pool, so that the numbers do not depend on how many processors there are.
+`neighbours`, `contradiction` and `evidence` serve the judgement, `pixels` and `lowpass` the preparation, `array` the
+operators. Every kernel works on a range of rows without holding Python's lock; `threads` shares out fixed strips of
+rows, so that the numbers do not depend on how many processors there are.
 """

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.engine.compiler import kernel
+from sixflow.engine.contradiction import ERRORS
 from sixflow.engine.interpolate import Interpolant, scratch_rows, warp_row
 
 EVIDENCE = 3.5
@@ -17,8 +18,6 @@ EXPLAINED = 3.0
 """Standard deviations by which R_n may exceed ν²."""
 REJECTED = -8.0
 """L of a motion that is asked no further."""
-ERRORS = 5.0
-"""Standard errors that two predictions of a displacement may differ by."""
 LEFT_TO_STAND = 0.3
 """px: what is finer than the window, and less than that, is left to stand."""
 GAP = 1 / 31

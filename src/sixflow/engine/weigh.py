@@ -27,13 +27,12 @@ where its neighbours are, which count as three independent ones at least. A wind
 
     κ = erf(3.5 ρ/2)³,     ρ: residual over contrast of the pixels that are kept, for s/C.
 
-Weighting multiplies gradient, right-hand side and residual by √ω in place: the normal equations then have ω, the
-sandwich ω². A pixel with almost no weight has none, like one without a partner: NaN residual, g = 0.
+Where moments are summed (`sweep.moment_strip`), gradient, right-hand side and residual are multiplied by √ω: the normal
+equations then have ω, the sandwich ω². A pixel with almost no weight has none, like one without a partner.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -107,32 +106,6 @@ def spread_strip(raw: NDArray[Any], start: int, stop: int, weight: NDArray[Any])
         out[width - 1] = min(column[width - 1], column[max(width - 2, 0)])
 
 
-@kernel
-def apply_strip(
-    weight: NDArray[Any], start: int, stop: int, gradient_x: NDArray[Any], gradient_y: NDArray[Any],
-    right: NDArray[Any], residual: NDArray[Any], power: NDArray[Any],
-) -> None:  # fmt: skip
-    """Multiply by √ω in place, rows start … stop; `power` receives |g|² as it was."""
-    zero, nothing = weight.dtype.type(0), weight.dtype.type(np.nan)
-    for y in range(start, stop):
-        w, gx, gy, q, r = weight[y], gradient_x[y], gradient_y[y], right[y], residual[y]
-        squares = power[y]
-        for x in range(w.size):
-            squares[x] = gx[x] * gx[x] + gy[x] * gy[x]
-        for x in range(w.size):
-            if w[x] == 1:
-                continue
-            if w[x] < NEGLIGIBLE:
-                gx[x] = gy[x] = q[x] = zero
-                r[x] = nothing
-                continue
-            root = math.sqrt(w[x])
-            gx[x] *= root
-            gy[x] *= root
-            q[x] *= root
-            r[x] *= root
-
-
 def weight_slope(raw: NDArray[Any], weight: NDArray[Any]) -> NDArray[Any]:
     """R dω/dr of every pixel: 0 where ω is 0 or 1, or is that of a neighbour."""
     span = NONE**2 - FULL**2
@@ -181,18 +154,3 @@ def find_weights(
         lambda a, b: raw_weights_strip(residual, gradient_x, gradient_y, allowed, a, b, raw), height, _STRIP
     )
     over_strips(lambda a, b: spread_strip(raw, a, b, weight), height, _STRIP)
-
-
-def apply_weights(
-    weight: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], right: NDArray[Any],
-    residual: NDArray[Any], power: NDArray[Any],
-) -> None:  # fmt: skip
-    """Multiply gradient, right-hand side and residual by √ω in place; arrays of shape (height, width).
-
-    `power` receives |g|² as it was before.
-    """
-    over_strips(
-        lambda a, b: apply_strip(weight, a, b, gradient_x, gradient_y, right, residual, power),
-        weight.shape[0],
-        _STRIP,
-    )
