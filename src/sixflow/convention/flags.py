@@ -15,6 +15,7 @@ FLAGS = {
     "repeated": 2048,
     "bad_frame": 4096,
     "missing": 8192,
+    "ambiguous": 16384,
 }
 """Meaning of each bit of `flag`.
 
@@ -27,9 +28,10 @@ residual: the window's residual is far above what its neighbours' noise explains
 edge, or a neighbour's motion fits the pixels beside the point better. unresolved: the motion has structure finer
 than the window resolves; the value is kept, but its error may exceed the stated one. forward_backward: the motion
 measured back does not return to the point. replaced: the value is not measured but predicted by the neighbours; the
-bits that say why stand beside it. repeated: the two frames are the same to the last bit, which is a copy and no
-measurement of no motion. bad_frame: one of the frames cannot be read or used. missing: the point was
-never written, or is no longer in the store that the field was read from.
+bits that say why stand beside it. ambiguous: another motion fits the window as well, because the texture repeats.
+repeated: the two frames are the same to the last bit, which is a copy and no measurement of no motion.
+bad_frame: one of the frames cannot be read or used. missing: the point was never written, or is no longer in
+the store that the field was read from.
 """
 
 STANDING = FLAGS["border"] | FLAGS["unresolved"] | FLAGS["replaced"]

@@ -76,7 +76,7 @@ class Solution:
     maps : float64 array, shape (6, rows, columns)
         u, v, u_x, u_y, v_x, v_y; NaN where the equations were singular.
     covariance : array, shape (rows, columns, 6, 6)
-        Of the six numbers; NaN where the texture does not rise above the noise.
+        Of the noise of the six numbers; NaN where the texture does not rise above the noise.
     statistics : WindowStatistics
     left : array, shape (rows, columns)
         How far each point may still be from its fixed point, px.
@@ -84,6 +84,8 @@ class Solution:
         Size of each point's window, and the period of a displacement that it attenuates by 10 %, px.
     flag : uint16 array, shape (rows, columns)
         Bits as in `sixflow.field.FLAGS`; 0 before the points are judged.
+    bias : array, shape (rows, columns, 6), or None
+        Expected square of what each point's window leaves out of the six numbers. None: not estimated.
     light : array, shape (rows, columns, 2), or None
         Gain and offset of each window's light from the reference to the moved frame; None where none was allowed.
     lighting : str
@@ -99,6 +101,7 @@ class Solution:
     window: Array
     period: Array
     flag: NDArray[np.uint16]
+    bias: Array | None = None
     light: Array | None = None
     lighting: str = "none"
     body: NDArray[np.int32] | None = None
@@ -166,6 +169,7 @@ def assembled(shape: tuple[int, int], parts: Sequence[tuple[int, Part, Solution]
     body = np.zeros(shape, np.int32)
     maps, covariance = np.full((6, *shape), np.nan), np.full((*shape, 6, 6), np.nan)
     points = {name: np.full(shape, np.nan) for name in ("left", "window", "period")}
+    bias = None if any(one.bias is None for _, _, one in parts) or not parts else np.full((*shape, 6), np.nan)
     statistics = {name: np.full(shape, np.nan) for name in _OF_ALL_WINDOWS}
     lighting = "none"
     for number, places, one in parts:
@@ -178,6 +182,8 @@ def assembled(shape: tuple[int, int], parts: Sequence[tuple[int, Part, Solution]
         maps[(slice(None), *places)][:, new] = one.maps[:, new]
         covariance[places][new] = one.covariance[new]
         flag[places][new], body[places][new] = one.flag[new], number
+        if bias is not None and one.bias is not None:
+            bias[places][new] = one.bias[new]
         for name, values in points.items():
             values[places][new] = getattr(one, name)[new]
         for name, values in statistics.items():
@@ -185,7 +191,14 @@ def assembled(shape: tuple[int, int], parts: Sequence[tuple[int, Part, Solution]
         if new.any() and one.lighting != "none":
             lighting = one.lighting
     return Solution(
-        maps, covariance, WindowStatistics(**statistics), flag=flag, lighting=lighting, body=body, **points
+        maps,
+        covariance,
+        WindowStatistics(**statistics),
+        flag=flag,
+        bias=bias,
+        lighting=lighting,
+        body=body,
+        **points,
     )
 
 
