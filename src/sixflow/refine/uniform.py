@@ -9,20 +9,27 @@ from __future__ import annotations
 
 import abc
 import math
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.engine.blend import resample_strip
 from sixflow.engine.fit import fit_strip, taps_of, twist_strip
 from sixflow.engine.response import quotient
 from sixflow.engine.threads import over_strips
+from sixflow.engine.window import CUT
 from sixflow.maps.grid import Grid
 from sixflow.refine.sweep import Sweep
 from sixflow.refine.windows import motion_sums
 
 GRID_STRIP = 16
+FARTHEST = 1.31
+"""Points of a grid over σ, at most: a cubic interpolant misses (kh)⁴/384 of a wave. Of the wave that a window sharpened
+twice attenuates by a tenth, kσ = 1.117, this is an eighth of that."""
 Array = NDArray[Any]
+Sides = tuple[tuple[int, int], tuple[int, int]]
 
 
 class UniformWindow(abc.ABC):
@@ -44,20 +51,46 @@ class UniformWindow(abc.ABC):
 
         By the Chebyshev polynomials' recurrence T*_{k+1} = 2 (2M − 1) T*_k − T*_{k−1}.
         """
-        coefficients = [quotient(order) for order in orders]
+        table = _coefficients(orders).astype(maps.dtype)
         before, here = maps, maps
-        totals = [part[0] * here for part in coefficients]
-        for k in range(1, max(len(part) for part in coefficients)):
-            after = self.fit(here)
-            after *= 4 if k > 1 else 2
-            after -= 2 * here if k > 1 else here
-            if k > 1:
-                after -= before
-            before, here = here, after
-            for total, part in zip(totals, coefficients, strict=True):
-                if k < len(part):
-                    total += part[k] * here
-        return totals
+        totals = table[:, 0, None, None, None] * maps
+        for k in range(1, table.shape[1]):
+            before, here = here, self._recurred(here, before, k, table[:, k], totals)
+        return list(totals)
+
+    def _recurred(self, here: Array, before: Array, k: int, parts: Array, totals: Array) -> Array:
+        """T*_k of maps, of T*_{k−1} and T*_{k−2}; `parts` of it are added to the totals."""
+        a, b, c = _recurrence(k)
+        after = a * self.fit(here) + b * here + c * before
+        totals += parts[:, None, None, None] * after
+        return after
+
+
+@cache
+def _coefficients(orders: tuple[int, ...]) -> NDArray[np.float64]:
+    """Chebyshev coefficients of Q for several sharpenings; shape (orders, 1 or 10)."""
+    rows = [quotient(order) for order in orders]
+    length = max(len(row) for row in rows)
+    return np.stack([np.pad(row, (0, length - len(row))) for row in rows])
+
+
+def _recurrence(k: int) -> tuple[float, float, float]:
+    """Shares of M T*_{k−1}, T*_{k−1} and T*_{k−2} in T*_k."""
+    return (2.0, -1.0, 0.0) if k == 1 else (4.0, -2.0, -1.0)
+
+
+class Axis(NamedTuple):
+    """Points of a grid along one axis: origin + i·step, px."""
+
+    origin: float
+    step: int
+    count: int
+
+    def coarser(self, times: int) -> Axis:
+        """So many times further apart, about the same middle."""
+        count = (self.count - 1) // times + 1
+        rest = (self.count - 1 - (count - 1) * times) * self.step
+        return Axis(self.origin + rest / 2, times * self.step, count)
 
 
 class RectangularWindow(UniformWindow):
@@ -65,35 +98,85 @@ class RectangularWindow(UniformWindow):
 
     Parameters
     ----------
-    grid : Grid
+    axes : (Axis, Axis)
+        Rows and columns of the grid.
     sigma : float
         Of the Gaussian weight, px.
-    rows, columns : (int, int)
-        First and last (exclusive) of the pixels that count.
+    counted : ((int, int), (int, int))
+        First and last (exclusive) row and column of the pixels that count.
 
     Examples
     --------
     >>> grid = Grid.over((64, 64), 8)
-    >>> window = RectangularWindow(grid, 6.0, (0, 64), (0, 61))
+    >>> window = RectangularWindow.over(grid, 6.0, ((0, 64), (0, 61)))
     >>> plane = grid.plane(np.array([1, 2, 0.1, 0.2, 0.3, 0.4]))
     >>> bool(np.allclose(window.fit(plane), plane))
     True
     """
 
-    def __init__(self, grid: Grid, sigma: float, rows: tuple[int, int], columns: tuple[int, int]) -> None:
-        self.grid = grid
-        self._down = grid.y0, grid.step, grid.rows, rows, sigma
-        self._across = grid.x0, grid.step, grid.columns, columns, sigma
+    def __init__(self, axes: tuple[Axis, Axis], sigma: float, counted: Sides) -> None:
+        self.axes, self.sigma, self.counted = axes, sigma, counted
+
+    @classmethod
+    def over(cls, grid: Grid, sigma: float, counted: Sides) -> RectangularWindow:
+        """Return the windows about the points of a grid."""
+        axes = Axis(grid.y0, grid.step, grid.rows), Axis(grid.x0, grid.step, grid.columns)
+        return cls(axes, sigma, counted)
 
     def fit(self, maps: Array) -> Array:
         """M U (`UniformWindow.fit`)."""
-        kind, step = maps.dtype.str, float(self.grid.step)
-        down, across = taps_of(*self._down, kind), taps_of(*self._across, kind)
-        twist, out = np.empty((2, *maps.shape[1:]), maps.dtype), np.empty_like(maps)
-        rows = self.grid.rows
-        over_strips(lambda a, b: twist_strip(maps, step, a, b, twist), rows, GRID_STRIP)
-        over_strips(lambda a, b: fit_strip(maps, twist, down, across, a, b, out), rows, GRID_STRIP)
+        nothing = np.empty((0, *maps.shape), maps.dtype)
+        return self._step(maps, maps, (1.0, 0.0, 0.0), np.empty(0, maps.dtype), nothing)
+
+    def deconvolved(self, maps: Array, orders: tuple[int, ...]) -> list[Array]:
+        """Q maps (`UniformWindow.deconvolved`), by way of points further apart where these are close enough."""
+        times = 1
+        while 2 * times * self.axes[0].step <= FARTHEST * self.sigma:
+            times *= 2
+        coarse = self.axes[0].coarser(times), self.axes[1].coarser(times)
+        if times == 1 or not any(orders) or min(axis.count for axis in coarse) < 3:
+            return super().deconvolved(maps, orders)
+        window = RectangularWindow(coarse, self.sigma, self.counted)
+        made = window.deconvolved(_resampled(maps, self.axes, coarse), orders)
+        return [
+            _resampled(part, coarse, self.axes) if n else maps for n, part in zip(orders, made, strict=True)
+        ]
+
+    def _recurred(self, here: Array, before: Array, k: int, parts: Array, totals: Array) -> Array:
+        return self._step(here, before, _recurrence(k), parts, totals)
+
+    def _step(
+        self, maps: Array, before: Array, shares: tuple[float, float, float], parts: Array, totals: Array
+    ) -> Array:
+        kind, rows = maps.dtype.str, maps.shape[1]
+        down, across = (
+            taps_of(*axis, counted, self.sigma, kind)
+            for axis, counted in zip(self.axes, self.counted, strict=True)
+        )
+        twist, out, step = np.empty((2, *maps.shape[1:]), maps.dtype), np.empty_like(maps), self.axes[0].step
+        how = np.array(shares, maps.dtype), np.ascontiguousarray(parts)
+        over_strips(lambda a, b: twist_strip(maps, float(step), a, b, twist), rows, GRID_STRIP)
+        over_strips(
+            lambda a, b: fit_strip(maps, twist, (down, across), how, before, (a, b), out, totals),
+            rows,
+            GRID_STRIP,
+        )
         return out
+
+
+def _resampled(maps: Array, axes: tuple[Axis, Axis], wanted: tuple[Axis, Axis]) -> Array:
+    """Value and gradient of a blend at the points of other axes."""
+    rows, columns = axes
+    out = np.empty((6, wanted[0].count, wanted[1].count), maps.dtype)
+    twist = np.empty((2, *maps.shape[1:]), maps.dtype)
+    target = wanted[1].origin - columns.origin, wanted[0].origin - rows.origin, float(wanted[0].step)
+    over_strips(lambda a, b: twist_strip(maps, float(rows.step), a, b, twist), rows.count, GRID_STRIP)
+    over_strips(
+        lambda a, b: resample_strip(maps, twist, (0, 0, rows.step), target, a, b, out),
+        wanted[0].count,
+        GRID_STRIP,
+    )
+    return out
 
 
 class LatticeWindow(UniformWindow):
@@ -159,6 +242,70 @@ class LatticeWindow(UniformWindow):
         return fitted
 
 
+class MaskedWindow(UniformWindow):
+    """Windows that a mask cuts here and there: `LatticeWindow` where it does, `RectangularWindow` elsewhere.
+
+    Parameters
+    ----------
+    grid : Grid
+    sigma : float
+        Of the Gaussian weight, px.
+    counted : bool array, shape (height, width)
+        Pixels that have a partner; not without any.
+    """
+
+    def __init__(self, grid: Grid, sigma: float, counted: NDArray[np.bool_]) -> None:
+        rows, columns = (
+            (int(line[0]), int(line[-1]) + 1)
+            for line in (np.flatnonzero(counted.any(axis=axis)) for axis in (1, 0))
+        )
+        self.whole = RectangularWindow.over(grid, sigma, (rows, columns))
+        self.cut = _cut(counted, (rows, columns), grid, sigma)
+        if not self.cut.any():
+            return
+        around = math.ceil(CUT * sigma / grid.step) + 2
+        self.place = tuple(
+            slice(max(0, int(line[0]) - around), int(line[-1]) + around + 1)
+            for line in (np.flatnonzero(self.cut.any(axis=axis)) for axis in (1, 0))
+        )
+        y, x = self.place
+        part = Grid(
+            grid.x0 + x.start * grid.step, grid.y0 + y.start * grid.step, grid.step,
+            min(x.stop, grid.columns) - x.start, min(y.stop, grid.rows) - y.start,
+        )  # fmt: skip
+        self.lattice = LatticeWindow(part, sigma, counted)
+
+    def fit(self, maps: Array) -> Array:
+        """M U (`UniformWindow.fit`)."""
+        out = self.whole.fit(maps)
+        if self.cut.any():
+            y, x = self.place
+            fitted = self.lattice.fit(np.ascontiguousarray(maps[:, y, x]))
+            out[:, y, x] = np.where(self.cut[y, x], fitted, out[:, y, x])
+        return out
+
+    def deconvolved(self, maps: Array, orders: tuple[int, ...]) -> list[Array]:
+        """Q maps (`UniformWindow.deconvolved`)."""
+        return super().deconvolved(maps, orders) if self.cut.any() else self.whole.deconvolved(maps, orders)
+
+
+def _cut(counted: NDArray[np.bool_], sides: Sides, grid: Grid, sigma: float) -> NDArray[np.bool_]:
+    """Points whose window holds pixels that do not count, inside the rectangle of those that do."""
+    inside = np.zeros(counted.shape, np.bool_)
+    inside[sides[0][0] : sides[0][1], sides[1][0] : sides[1][1]] = True
+    total = np.zeros((counted.shape[0] + 1, counted.shape[1] + 1), np.int64)
+    np.cumsum(np.cumsum(inside & ~counted, axis=0), axis=1, out=total[1:, 1:])
+    reach = math.ceil(CUT * sigma)
+    (top, bottom), (left, right) = (
+        (np.clip(line - reach, 0, size), np.clip(line + reach + 1, 0, size))
+        for line, size in zip((grid.y, grid.x), counted.shape, strict=True)
+    )
+    return np.asarray(
+        total[np.ix_(bottom, right)] - total[np.ix_(top, right)] - total[np.ix_(bottom, left)]
+        + total[np.ix_(top, left)] > 0
+    )  # fmt: skip
+
+
 def uniform_windows(
     sweep: Sweep, sigmas: tuple[float, ...], maps: Array, light: Array | None
 ) -> list[UniformWindow]:
@@ -174,14 +321,13 @@ def uniform_windows(
     """
     if sweep.masked:
         counted = np.isfinite(sweep.images(maps, light=light).residual)
-        return [LatticeWindow(sweep.grid, sigma, counted) for sigma in sigmas]
-    rows, columns = seen_by(maps, sweep.grid, sweep.shape, 0.5 if sweep.central else 0.0)
-    return [RectangularWindow(sweep.grid, sigma, rows, columns) for sigma in sigmas]
+        if counted.any():
+            return [MaskedWindow(sweep.grid, sigma, counted) for sigma in sigmas]
+    counted = seen_by(maps, sweep.grid, sweep.shape, 0.5 if sweep.central else 0.0)
+    return [RectangularWindow.over(sweep.grid, sigma, counted) for sigma in sigmas]
 
 
-def seen_by(
-    maps: Array, grid: Grid, shape: tuple[int, int], share: float
-) -> tuple[tuple[int, int], tuple[int, int]]:
+def seen_by(maps: Array, grid: Grid, shape: tuple[int, int], share: float) -> Sides:
     """Rows and columns of the pixels that have a partner, where a frame's rim alone takes it from them.
 
     Parameters
