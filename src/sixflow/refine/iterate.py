@@ -54,12 +54,11 @@ def refine(problem: Problem, start: Array, *, sharpened: bool = False) -> Soluti
     if sharpened:
         found = problem.step(start, State(), total=False)
         state = with_pixel_weights(plan, found)
-        left = np.full(problem.grid.shape, np.inf)
-        return sharpen(problem, start, left, state or found.state, found.measurable, sharpened=True)
+        return sharpen(problem, start, state or found.state, found.measurable, sharpened=True)
     found = settled(problem, start)
     if not plan.window.sharpen:
         return problem.solution(found, found.maps, found.left)
-    return sharpen(problem, found.maps, found.left, found.state, found.measurable)
+    return sharpen(problem, found.maps, found.state, found.measurable)
 
 
 def settled(problem: Problem, start: Array) -> Pass:

@@ -165,14 +165,12 @@ class LeastSquares:
         return uniform_windows(self.sweep, (self.sigma,), maps, state.light)[0]
 
     def solution(
-        self, found: Pass, maps: Array, left: Array, *, sharpened: bool = False, held: Array | None = None
+        self, found: Pass, maps: Array, left: Array, *, borne: NDArray[np.int_] | None = None
     ) -> Solution:
         """Return the field that a last pass found (`Problem.solution`)."""
         assert isinstance(found, LeastSquaresPass)
-        covariance, statistics = covariance_of_pass(self, found, sharpened=sharpened)
-        solution = solution_of_pass(
-            self.plan, covariance, statistics, maps, left, sharpened=sharpened, held=held
-        )
+        covariance, statistics = covariance_of_pass(self, found, sharpened=borne is not None)
+        solution = solution_of_pass(self.plan, covariance, statistics, maps, left, borne)
         light = None if found.state.light is None else np.moveaxis(found.state.light, 0, -1)
         return solution.replace(light=light, pixels=found.state.weights)
 

@@ -84,13 +84,13 @@ class Axis(NamedTuple):
 
     origin: float
     step: int
-    count: int
+    points: int
 
     def coarser(self, times: int) -> Axis:
         """So many times further apart, about the same middle."""
-        count = (self.count - 1) // times + 1
-        rest = (self.count - 1 - (count - 1) * times) * self.step
-        return Axis(self.origin + rest / 2, times * self.step, count)
+        points = (self.points - 1) // times + 1
+        rest = (self.points - 1 - (points - 1) * times) * self.step
+        return Axis(self.origin + rest / 2, times * self.step, points)
 
 
 class RectangularWindow(UniformWindow):
@@ -134,7 +134,7 @@ class RectangularWindow(UniformWindow):
         while 2 * times * self.axes[0].step <= FARTHEST * self.sigma:
             times *= 2
         coarse = self.axes[0].coarser(times), self.axes[1].coarser(times)
-        if times == 1 or not any(orders) or min(axis.count for axis in coarse) < 3:
+        if times == 1 or not any(orders) or min(axis.points for axis in coarse) < 3:
             return super().deconvolved(maps, orders)
         window = RectangularWindow(coarse, self.sigma, self.counted)
         made = window.deconvolved(_resampled(maps, self.axes, coarse), orders)
@@ -167,13 +167,13 @@ class RectangularWindow(UniformWindow):
 def _resampled(maps: Array, axes: tuple[Axis, Axis], wanted: tuple[Axis, Axis]) -> Array:
     """Value and gradient of a blend at the points of other axes."""
     rows, columns = axes
-    out = np.empty((6, wanted[0].count, wanted[1].count), maps.dtype)
+    out = np.empty((6, wanted[0].points, wanted[1].points), maps.dtype)
     twist = np.empty((2, *maps.shape[1:]), maps.dtype)
     target = wanted[1].origin - columns.origin, wanted[0].origin - rows.origin, float(wanted[0].step)
-    over_strips(lambda a, b: twist_strip(maps, float(rows.step), a, b, twist), rows.count, GRID_STRIP)
+    over_strips(lambda a, b: twist_strip(maps, float(rows.step), a, b, twist), rows.points, GRID_STRIP)
     over_strips(
         lambda a, b: resample_strip(maps, twist, (0, 0, rows.step), target, a, b, out),
-        wanted[0].count,
+        wanted[0].points,
         GRID_STRIP,
     )
     return out
