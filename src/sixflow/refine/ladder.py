@@ -38,11 +38,10 @@ from sixflow.prepare.frame import Frame
 from sixflow.refine.covariance import order_scale, solution_of_pass
 from sixflow.refine.least_squares import LeastSquares, LeastSquaresPass, Swept
 from sixflow.refine.mix import Mix
-from sixflow.refine.problem import PixelWeights, State
+from sixflow.refine.problem import State
 from sixflow.refine.resolution import choose
 from sixflow.refine.sharpen import SHARPENED, Borne, at_order, orders_of
 from sixflow.refine.solution import Solution
-from sixflow.refine.sweep import mean_plane
 from sixflow.refine.uniform import UniformWindow, uniform_windows
 
 FIRST = 16
@@ -57,7 +56,7 @@ Array = NDArray[Any]
 
 
 def refine_ladder(
-    still: Frame, moved: Frame, grid: Grid, plan: Plan, start: Array, pixels: PixelWeights | None
+    still: Frame, moved: Frame, grid: Grid, plan: Plan, found: Solution, start: Array
 ) -> Solution:
     """Measure with all windows of a plan's ladder, and choose at every point.
 
@@ -66,17 +65,17 @@ def refine_ladder(
     still, moved : Frame
     grid : Grid
     plan : Plan
+    found : Solution
+        What the search found, judged: which of its points failed, and how it weighed pixels.
     start : float64 array, shape (6, rows, columns)
-        A field that is near; without NaN.
-    pixels : PixelWeights or None
-        Weights of outlying pixels about it; None where there are none.
+        Its maps, seen from where the plan says; without NaN.
 
     Returns
     -------
     Solution
         Not yet judged, but for points where no window could be used.
     """
-    return _Ladder(still, moved, grid, plan).refine(start, State(weights=pixels))
+    return _Ladder(still, moved, grid, plan, found.failed).refine(start, State(weights=found.pixels))
 
 
 @dataclasses.dataclass
@@ -154,8 +153,10 @@ class _Rung:
 class _Ladder:
     """The windows of one pair, on one grid."""
 
-    def __init__(self, still: Frame, moved: Frame, grid: Grid, plan: Plan) -> None:
-        self.frames, self.grid, self.plan = (still, moved), grid, plan
+    def __init__(
+        self, still: Frame, moved: Frame, grid: Grid, plan: Plan, unknown: NDArray[np.bool_]
+    ) -> None:
+        self.frames, self.grid, self.plan, self.unknown = (still, moved), grid, plan, unknown
         coarse = tuple(one for one in plan.ladder if one.size >= FIRST)
         self.windows = coarse or plan.ladder
         self.problems = self._problems_of(self.windows)
@@ -183,7 +184,7 @@ class _Ladder:
             rungs, state = self._swept(maps, state, moved, self.problems, last=self.correlated)
             levels = [rung.level(exact=self.correlated, kept=rung is rungs[-1]) for rung in rungs]
             chosen = choose(levels, self.windows, self.grid)
-            following = self._following(chosen)
+            following = self._following(chosen, rungs)
             moved = following - maps
             maps = following
             if self._leans(chosen):
@@ -206,7 +207,7 @@ class _Ladder:
         lead = self.lead
         swept = lead.swept(maps, state, total=False, last=last, power=not last)
         uniform = self._uniform(problems, maps, swept.state)
-        plane = self.grid.plane(mean_plane(maps, self.grid))
+        plane = self.grid.plane(swept.plane)
         rungs = [
             self._rung(problem, one, swept, plane, moved)
             for problem, one in zip(problems, uniform, strict=True)
@@ -220,7 +221,8 @@ class _Ladder:
         """Each window where the texture is uniform; cut once, so that M stays the same from sweep to sweep."""
         lacking = tuple(one.sigma for one in problems if one.sigma not in self.cut)
         if lacking:
-            made = uniform_windows(self.lead.sweep, lacking, maps, state.light)
+            weight = None if state.weights is None else state.weights.weight
+            made = uniform_windows(self.lead.sweep, lacking, maps, state.light, weight, self.unknown)
             self.cut |= dict(zip(lacking, made, strict=True))
         return [self.cut[one.sigma] for one in problems]
 
@@ -242,9 +244,15 @@ class _Ladder:
             borne = Borne.of(self.before[window.size], before, moved, reach, self.plan.tolerance)
         return _Rung(window, problem, found, self.before[window.size], borne)
 
-    def _following(self, chosen: Solution) -> Array:
-        """The motion of the next sweep: no NaN, and no point that contradicts its neighbours."""
-        known = chosen.known
+    def _following(self, chosen: Solution, rungs: list[_Rung]) -> Array:
+        """The motion of the next sweep: no NaN, and no point that contradicts its neighbours.
+
+        Where the search knew nothing, windows of other sizes may follow anything, and those around would read it: there
+        neighbours say what they see, until the frames look alike in the window of the search.
+        """
+        lead = min(rungs, key=lambda rung: abs(rung.window.size - SEARCHED))
+        self.unknown = self.unknown & ~lead.found.trusted
+        known = np.where(self.unknown, np.nan, chosen.known)
         finite = np.isfinite(chosen.window)
         reach = float(np.median(chosen.window[finite])) if finite.any() else float(self.windows[0].size)
         return settle(known, self.grid.step, Window(reach, self.windows[0].sharpen).resolving)

@@ -41,7 +41,7 @@ import scipy
 from numpy.typing import NDArray
 
 from sixflow.maps.neighbours import fill_failed, settle, typical
-from sixflow.refine.problem import Problem, State
+from sixflow.refine.problem import Pass, Problem, State
 from sixflow.refine.solution import Solution
 from sixflow.refine.sweep import mean_plane
 
@@ -107,7 +107,7 @@ class Borne:
             borne = power <= cause
             effect = np.where(borne | (order == len(aims)), power, effect)
             order = np.where(borne, k, order)
-        common = min(math.sqrt(effect.mean() / cause.mean()), MOST_LEFT)
+        common = min(math.sqrt(float(np.median(effect / cause))), MOST_LEFT)
         rate = np.where(order == len(aims), MOST_LEFT, common)
         return cls(order, np.sqrt(effect) * rate / (1 - rate))
 
@@ -130,7 +130,7 @@ def _power(planes: Array, reach: float) -> Array:
 
 def sharpen(
     problem: Problem, maps: Array, state: State, measurable: NDArray[np.bool_], *, sharpened: bool = False
-) -> Solution:
+) -> tuple[Pass, Solution]:
     """Sharpening passes until the points stay, each as sharp as it bears.
 
     Parameters
@@ -147,6 +147,8 @@ def sharpen(
 
     Returns
     -------
+    Pass
+        The last one.
     Solution
         Not yet judged; NaN where the last pass failed.
     """
@@ -175,6 +177,5 @@ def sharpen(
             break
         following = settle(aim, step, window.resolving)
         before, moved, maps = aims, following - maps, following
-        del found  # what it holds of the pixels need not stand beside that of the next
     taken = np.array(orders)[np.minimum(order, len(orders) - 1)]
-    return problem.solution(found, aim, left, borne=taken)  # noqa: F821 - of the last turn
+    return found, problem.solution(found, aim, left, borne=taken)

@@ -28,6 +28,10 @@ GRID_STRIP = 16
 FARTHEST = 1.31
 """Points of a grid over σ, at most: a cubic interpolant misses (kh)⁴/384 of a wave. Of the wave that a window sharpened
 twice attenuates by a tenth, kσ = 1.117, this is an eighth of that."""
+STRAIGHT = 0.5
+"""σ by which the outline of the pixels that count may be bent: the window's weight there is a fifth of the whole."""
+BLOCK = 8
+"""px."""
 Array = NDArray[Any]
 Sides = tuple[tuple[int, int], tuple[int, int]]
 
@@ -203,7 +207,7 @@ class LatticeWindow(UniformWindow):
     """
 
     def __init__(self, grid: Grid, sigma: float, counted: NDArray[np.bool_]) -> None:
-        spacing = max(h for h in range(1, grid.step + 1) if grid.step % h == 0 and (h <= sigma / 2 or h == 1))
+        spacing = max(h for h in range(1, grid.step + 1) if grid.step % h == 0 and (h <= sigma or h == 1))
         first_x, first_y = grid.x0 % spacing, grid.y0 % spacing
         self.grid, self.sigma, self.spacing = grid, sigma, spacing
         self.counted = np.ascontiguousarray(counted[first_y::spacing, first_x::spacing]).astype(np.float64)
@@ -307,8 +311,9 @@ def _cut(counted: NDArray[np.bool_], sides: Sides, grid: Grid, sigma: float) -> 
 
 
 def uniform_windows(
-    sweep: Sweep, sigmas: tuple[float, ...], maps: Array, light: Array | None
-) -> list[UniformWindow]:
+    sweep: Sweep, sigmas: tuple[float, ...], maps: Array, light: Array | None, weight: Array | None = None,
+    unknown: NDArray[np.bool_] | None = None,
+) -> list[UniformWindow]:  # fmt: skip
     """Windows of several sizes, cut as the pixels of a pair cut them that have no partner by a motion.
 
     Parameters
@@ -318,16 +323,49 @@ def uniform_windows(
     maps : array, shape (6, rows, columns)
     light : array or None
         As for `Sweep.images`.
+    weight : array, shape (height, width), optional
+        Of pixels: where most pixels of a block of `BLOCK` are outlying there is another motion, or none.
+    unknown : bool array, shape (rows, columns), optional
+        Points about which nothing is known of the motion.
     """
-    if sweep.masked:
-        counted = np.isfinite(sweep.images(maps, light=light).residual)
-        if counted.any():
-            return [MaskedWindow(sweep.grid, sigma, counted) for sigma in sigmas]
-    counted = seen_by(maps, sweep.grid, sweep.shape, 0.5 if sweep.central else 0.0)
-    return [RectangularWindow.over(sweep.grid, sigma, counted) for sigma in sigmas]
+    sides, bent = seen_by(maps, sweep.grid, sweep.shape, 0.5 if sweep.central else 0.0)
+    whole = not sweep.masked and weight is None and (unknown is None or not unknown.any())
+    if whole and all(bent <= sigma * STRAIGHT for sigma in sigmas):
+        return [RectangularWindow.over(sweep.grid, sigma, sides) for sigma in sigmas]
+    counted = np.isfinite(sweep.images(maps, light=light).residual)
+    if weight is not None:
+        counted &= ~_mostly_outlying(weight)
+    if unknown is not None and unknown.any():
+        counted &= ~_around(unknown, sweep.grid, sweep.shape)
+    if not counted.any():
+        return [RectangularWindow.over(sweep.grid, sigma, sides) for sigma in sigmas]
+    return [
+        RectangularWindow.over(sweep.grid, sigma, sides)
+        if whole and bent <= sigma * STRAIGHT
+        else MaskedWindow(sweep.grid, sigma, counted)
+        for sigma in sigmas
+    ]
 
 
-def seen_by(maps: Array, grid: Grid, shape: tuple[int, int], share: float) -> Sides:
+def _around(points: NDArray[np.bool_], grid: Grid, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """The pixels nearest to some points of a grid."""
+    row, column = (
+        np.clip((np.arange(size) - first + grid.step // 2) // grid.step, 0, count - 1)
+        for size, first, count in zip(shape, (grid.y0, grid.x0), points.shape, strict=True)
+    )
+    return np.asarray(points[np.ix_(row, column)])
+
+
+def _mostly_outlying(weight: Array) -> NDArray[np.bool_]:
+    """Blocks of pixels of which less than half counts."""
+    height, width = weight.shape
+    rows, columns = -(-height // BLOCK), -(-width // BLOCK)
+    padded = np.pad(weight, ((0, rows * BLOCK - height), (0, columns * BLOCK - width)), mode="edge")
+    lost = padded.reshape(rows, BLOCK, columns, BLOCK).mean(axis=(1, 3)) < 0.5
+    return lost.repeat(BLOCK, axis=0).repeat(BLOCK, axis=1)[:height, :width]
+
+
+def seen_by(maps: Array, grid: Grid, shape: tuple[int, int], share: float) -> tuple[Sides, float]:
     """Rows and columns of the pixels that have a partner, where a frame's rim alone takes it from them.
 
     Parameters
@@ -338,16 +376,27 @@ def seen_by(maps: Array, grid: Grid, shape: tuple[int, int], share: float) -> Si
         Of the frames, px.
     share : float
         Of the way at which the points lie; seen from the middle both frames have to hold a pixel's partner.
+
+    Returns
+    -------
+    sides : ((int, int), (int, int))
+        First and last (exclusive) row and column.
+    bent : float
+        How far the region's outline lies from these at most, px.
     """
-    found = []
+    found, bent = [], 0.0
     for component, axis in ((1, 0), (0, 1)):
         size, place = shape[axis], (grid.y, grid.x)[axis]
         ends = []
         for end, border in ((0, 0), (-1, size - 1)):
             line = np.take(maps, end, axis=axis + 1)
-            away = np.median(line[component] + (border - place[end]) * line[2 + 2 * component + 1 - axis])
-            out = [(1 - share) * away, -share * away]  # in the moved frame, in the reference
-            beyond = max(0.0, *out) if end else max(0.0, *(-each for each in out))
-            ends.append(math.ceil(beyond - 1e-6) if math.isfinite(beyond) else 0)
+            away = line[component] + (border - place[end]) * line[2 + 2 * component + 1 - axis]
+            out = np.maximum((1 - share) * away, -share * away)  # in the moved frame, in the reference
+            if not end:
+                out = np.maximum(-(1 - share) * away, share * away)
+            beyond = np.maximum(out, 0.0)
+            middle = float(np.median(beyond))
+            bent = max(bent, float(np.abs(beyond - middle).max()))
+            ends.append(math.ceil(middle - 1e-6))
         found.append((min(ends[0], size - 1), max(size - ends[1], 1)))
-    return found[0], found[1]
+    return (found[0], found[1]), bent
