@@ -175,8 +175,8 @@ class PreparedPair:
     def notes(self, numbers: tuple[int, int]) -> tuple[str, ...]:
         """What was done to pixels of frames with these numbers."""
         notes = [
-            f"frame {number}: {count} pixels of one value at the rim, where the other frame has content, are taken for "
-            "beyond its end"
+            f"frame {number}: {count} pixels of one value at the rim, where the other frame has content or the same "
+            "rim, are taken for beyond its end"
             for number, count in zip(numbers, self.blank, strict=True)
             if count
         ]
