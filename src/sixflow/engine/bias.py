@@ -139,14 +139,14 @@ def left_out_strip(
 ) -> None:  # fmt: skip
     """Expected square of what every level leaves out, and the same given the point's differences; rows start … stop.
 
-    `bands` are E, N and d, each (bands, rows, columns · 6), from fine to coarse. `beyond` is what the finest level
-    leaves out, over E of the finest band, and its part that follows from d.
+    `bands` are E, N and d, each (bands, rows, columns · 6), from fine to coarse. Beyond the finest, each band has the
+    share q of the energy of the one before, as the two finest have, but within the two limits of `beyond`.
     """
     energies, noises, differences = bands
     count, _, n = energies.shape
     root, rest = np.empty((count, n), energies.dtype), np.empty((count, n), energies.dtype)
     weight, mean, doubt = np.empty_like(root[0]), np.empty_like(root[0]), np.empty_like(root[0])
-    finest, follows = beyond[0], beyond[1]
+    following = correlation[1] if correlation.size > 1 else 0.0
     for j in range(start, stop):
         for b in range(count):
             energy, noise, d = energies[b, j], noises[b, j], differences[b, j]
@@ -155,8 +155,13 @@ def left_out_strip(
                 weight[x] = part if part > 0 and d[x] == d[x] else 0.0  # NaN is not
             if b == 0:
                 whole, known = expected[0, j], seen[0, j]
+                coarser = energies[min(1, count - 1), j]
                 for x in range(n):
-                    whole[x] = finest * energy[x]
+                    q = energy[x] / coarser[x] if coarser[x] > 0 else beyond[1]
+                    q = min(max(q, beyond[0]), beyond[1])
+                    a = following * math.sqrt(q)
+                    follows = a / (1 - a)
+                    whole[x] = energy[x] * q / (1 - q) * (1 + 2 * follows)
                     mean[x] = weight[x] * follows * d[x] if weight[x] > 0 else 0.0
                     doubt[x] = max(whole[x] - follows * follows * energy[x] * weight[x], 0.0)
                     known[x] = mean[x] * mean[x] + doubt[x]

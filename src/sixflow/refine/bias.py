@@ -28,8 +28,10 @@ for a spectrum that is even over an octave,
     E|β_j|² = Σ_a Σ_b c_|a−b| √(E_a E_b) + rest
     given d:  (Σ_b d_b E_b/(E_b + N_b))² + Σ_a Σ_b c_|a−b| √(v_a v_b) + rest
 
-The rest is what the finest window leaves out: more bands, each with `BEYOND` of the energy of the one before, and the
-part of their sum that follows from d of the finest pair.
+The rest is what the finest window leaves out: more bands, each with the share q of the energy of the one before and
+correlated as they are, which add up to E q/(1 − q) (1 + 2a/(1 − a)), a = c_1 √q; their mean is a/(1 − a) of the finest
+band. A wave that a plain window attenuates a little lies in all finer bands, so that q goes on as it is found; sharpened
+windows pass it, and their finer bands hold other waves.
 
 Where a window is cut, by a border or a mask, its fit sees one side only and errs in first order, and at an outline
 structures begin that the inside does not have: what is found in the first band is taken at its word, and bands may fall
@@ -69,7 +71,9 @@ kinks, and of two-dimensional turbulence, whose spectra fall by k⁻² per octav
 ROUGHER = math.sqrt(2)
 """Factor of these where a window is cut: that of discontinuities, k⁻¹."""
 BEYOND = math.sqrt(0.5)
-"""The same share for bands finer than the finest window."""
+"""q: the same share for bands finer than the finest window, at most; and at least, where windows are sharpened."""
+SMOOTH = 0.25
+"""q at least, where windows are plain: that of a motion which is smooth over them, β = σ²/2 ∇²u."""
 WHOLE = 0.98
 """Share of a window on counted pixels, below which it is cut."""
 LEAST = 0.8
@@ -101,8 +105,8 @@ class Bands:
 def bias_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) -> NDArray[np.float64]:
     """Expected square of what each window leaves out of the six; (levels, rows, columns, 6).
 
-    For one window, take the last but one of a ladder [w/2, w/√2, w, √2 w]: the coarser tells what to expect of the
-    finer, whose noise may hide it.
+    For one window w, take the middle of a ladder [w/√2, w, √2 w]: the coarser tells what to expect of the finer, whose
+    noise may hide it.
 
     Parameters
     ----------
@@ -148,7 +152,7 @@ def bands_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) ->
     if count:
         sharpen, flat = windows[0].sharpen, (grid.rows, -1)
         bands = tuple(array.reshape(count, *flat) for array in (energies, noises, differences))
-        laws = overlap(sharpen, count), _beyond(sharpen)
+        laws = overlap(sharpen, max(count, 2)), np.array([BEYOND if sharpen else SMOOTH, BEYOND])
         out = expected.reshape(count + 1, *flat), seen.reshape(count + 1, *flat)
         _over(grid, left_out_strip, bands, *laws, out=out)
     return Bands(expected, seen, means)
@@ -225,16 +229,6 @@ def overlap(sharpen: int, count: int) -> NDArray[np.float64]:
 
     first = band(0)
     return np.array([float((first * band(m)).sum() / (first * first).sum()) for m in range(count)])
-
-
-def _beyond(sharpen: int) -> NDArray[np.float64]:
-    """What the finest window leaves out, over the energy of the finest band, and its part that follows from d.
-
-    A row of bands, each with the share q of the one before and with the correlation c^m, adds up to
-    q/(1 − q) (1 + 2a/(1 − a)), a = c √q; given the one before the row, the sum of their means is a/(1 − a) of it.
-    """
-    a = overlap(sharpen, 2)[1] * math.sqrt(BEYOND)
-    return np.array([BEYOND / (1 - BEYOND) * (1 + 2 * a / (1 - a)), a / (1 - a)])
 
 
 def _is_cut(level: Solution) -> NDArray[np.bool_]:
