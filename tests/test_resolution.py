@@ -56,7 +56,7 @@ def test_resolution_is_said(vortices):
     assert field.attrs["attenuation_period_10"] == pytest.approx(np.median(inside))
     assert field.resolution.dims == ("time", "y", "x")
     assert field.resolution.attrs["units"] == "px"
-    plain = measure(vortices.frame0, vortices.frame1, sharpen=1)
+    plain = measure(vortices.frame0, vortices.frame1, window=31, sharpen=1)
     known = plain.resolution.values[np.isfinite(plain.u.values)]
     sharpened, held = (attenuation_period(window_sigma(31), n) for n in (1, 0))
     assert np.isclose(known, sharpened).mean() > 0.98  # but at a few points with cut windows
@@ -98,10 +98,27 @@ def test_ladder_fits_the_frame():
         Plan.of(Settings(window=25), (20, 512))
 
 
-@pytest.mark.parametrize("options", [{"method": "eigenfilter"}, {"group": "similarity"}])
-def test_what_it_does_not_go_with(options):
-    with pytest.raises(InputError, match="window='auto': needs method='least_squares' and group='affine'"):
-        Settings(window="auto", **options)
+@pytest.mark.parametrize(
+    ("options", "windows", "sharpen"),
+    [
+        ({"method": "eigenfilter"}, [31, 44, 62], SHARPEN),
+        ({"group": "similarity"}, list(LADDER), 0),
+        ({"method": "eigenfilter", "group": "translation"}, [31, 44, 62], 0),
+    ],
+)
+def test_other_methods_have_ladders_too(options, windows, sharpen):
+    plan = Plan.of(Settings(window="auto", **options), (200, 200))
+    assert plan.ladder == tuple(Window(size, sharpen) for size in windows)
+
+
+@pytest.mark.parametrize("options", [{"method": "eigenfilter"}, {"group": "translation"}])
+def test_other_methods_choose_too(options, uniform):
+    frames = uniform.frame0[:96, :96], uniform.frame1[:96, :96]
+    field = measure(*frames, window="auto", **options)
+    error = np.stack([field.u.values[0] - 1.3, field.v.values[0] + 0.4])
+    fixed = measure(*frames, window=31, **options)
+    assert np.isfinite(error).mean() > 0.97
+    assert np.sqrt(np.nanmean(error**2)) < np.sqrt(np.nanmean((fixed.u.values[0] - 1.3) ** 2))
 
 
 def test_other_words():

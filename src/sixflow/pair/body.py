@@ -123,7 +123,12 @@ class Body:
             return self._on_ladder(start, found.pixels)
         levels: list[Solution] = []
         for window in reversed(windows):
-            levels.insert(0, self._measured(start, self.plan.replace(window=window), sharpened=bool(levels)))
+            levels.insert(
+                0,
+                self._measured(
+                    start, self.plan.replace(window=window), sharpened=bool(levels and window.sharpen)
+                ),
+            )
             start = settle(levels[0].known, self.grid.step, window.size)
         return choose(levels, windows, self.grid)
 

@@ -109,7 +109,9 @@ def blank(
     >>> filled[:3] = 1
     >>> blank(filled, image).any(axis=1).nonzero()[0]
     array([0, 1, 2])
-    >>> blank(filled, filled) is None
+    >>> blank(filled, filled).any(axis=1).nonzero()[0]  # a rim that both frames have
+    array([0, 1, 2])
+    >>> blank(image, filled) is None
     True
     """
     image = np.where(valid, image, np.nan) if valid.size else image
@@ -185,7 +187,7 @@ def _share_inside(held: NDArray[np.bool_]) -> float:
     inside = (
         held & ~np.minimum.accumulate(held, axis=1) & ~np.minimum.accumulate(held[:, ::-1], axis=1)[:, ::-1]
     )
-    return float((np.count_nonzero(inside[:, 1:] & inside[:, :-1]) + 1) / (np.count_nonzero(inside) + 2))
+    return float(np.count_nonzero(inside[:, 1:] & inside[:, :-1]) / (np.count_nonzero(inside) + 1))
 
 
 def _longest_by_chance(share: float, shape: tuple[int, ...]) -> int:

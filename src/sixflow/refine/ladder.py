@@ -55,6 +55,8 @@ FIRST = 16
 much."""
 SWEEPS = 6
 """Upper limit, the last one included."""
+MOST_LEFT = 0.9
+"""Of the rate at which sweeps come nearer: beyond, nothing is known of where they end."""
 STANDS = 0.25
 """Of a point's standard error, which a change of so much makes 3 % larger."""
 
@@ -109,6 +111,8 @@ class _Rung:
         By order of sharpening.
     order : int array, shape (rows, columns)
         Which of them each point bears; their number where none.
+    left : array, shape (rows, columns), or None
+        What further sweeps may change, px, by the rate at which they come nearer; None: not known.
     """
 
     window: Window
@@ -116,6 +120,7 @@ class _Rung:
     found: LeastSquaresPass
     aims: list[Array]
     order: NDArray[np.intp]
+    left: Array | None = None
 
     @property
     def usable(self) -> NDArray[np.bool_]:
@@ -128,7 +133,7 @@ class _Rung:
         """The aim that each point bears."""
         return _at(self.aims, np.minimum(self.order, len(self.aims) - 1))
 
-    def level(self, covariance: Array | None, left: Array) -> Solution:
+    def level(self, covariance: Array | None) -> Solution:
         """The field of this window; `covariance`: that of its own passes, or None for a likely one."""
         orders = orders_of(self.window.sharpen)
         statistics, sigma = self.found.statistics, self.window.sigma
@@ -141,7 +146,7 @@ class _Rung:
             if lower.any():
                 covariance[lower] *= _outer(noise[k] / noise[0]).astype(covariance.dtype)
         periods = np.array([attenuation_period(sigma, n) for n in (*orders, orders[-1])])
-        usable = self.usable
+        usable, left = self.usable, np.zeros(self.order.shape) if self.left is None else self.left
         flag = np.where(usable, 0, FLAGS["low_texture"]).astype(np.uint16)
         return Solution(
             np.where(usable, self.maps, np.nan),
@@ -174,6 +179,7 @@ class _Ladder:
         self.windows = coarse or plan.ladder
         self.problems = self._problems_of(self.windows)
         self.before: dict[float, list[Array]] = {}
+        self.cut: dict[float, UniformWindow] = {}
 
     def _problems_of(self, windows: tuple[Window, ...]) -> list[LeastSquares]:
         """One problem for each window; all share the sweep of the finest."""
@@ -193,8 +199,8 @@ class _Ladder:
         """Sweep until the points stay (`refine_ladder`)."""
         maps, moved = start, None
         for _ in range(1, SWEEPS):
-            rungs, state = self._swept(maps, state, moved, self.problems, last=False)
-            levels = [rung.level(None, self._left(moved)) for rung in rungs]
+            rungs, state = self._swept(maps, state, moved, self.problems, last=self.correlated)
+            levels = [rung.level(self._covariance(rung)) for rung in rungs]
             chosen = choose(levels, self.windows, self.grid)
             following = self._following(chosen)
             moved = following - maps
@@ -207,17 +213,27 @@ class _Ladder:
                 break
         return self._last(maps, state, moved, chosen, levels)
 
+    @property
+    def correlated(self) -> bool:
+        """Whether the frames' noise is: no likely covariance holds then."""
+        return self.plan.lowpass > 0
+
+    def _covariance(self, rung: _Rung) -> Array | None:
+        """Covariance that windows are compared by; None for a likely one."""
+        if not self.correlated:
+            return None
+        return rung.problem.solution(rung.found, rung.maps, rung.found.left, sharpened=True).covariance
+
     def _swept(
         self, maps: Array, state: State, moved: Array | None, problems: list[LeastSquares], *, last: bool
     ) -> tuple[list[_Rung], State]:
         """What windows make of one sweep, and the state for the next."""
         lead = self.lead
         swept = lead.swept(maps, state, total=False, last=last, power=not last)
-        sigmas = tuple(problem.sigma for problem in problems)
-        uniform = uniform_windows(lead.sweep, sigmas, maps, swept.state.light)
+        uniform = self._uniform(problems, maps, swept.state)
         plane = self.grid.plane(mean_plane(maps, self.grid))
         rungs = [
-            self._rung(problem, one, swept, plane, moved)
+            self._rung(problem, one, swept, plane, moved, last=last)
             for problem, one in zip(problems, uniform, strict=True)
         ]
         light = None
@@ -225,9 +241,18 @@ class _Ladder:
             light = next((r.found.state.light for r in rungs if r.problem is lead), swept.state.light)
         return rungs, State(light, swept.state.weights)
 
+    def _uniform(self, problems: list[LeastSquares], maps: Array, state: State) -> list[UniformWindow]:
+        """Each window where the texture is uniform; cut once, so that M stays the same from sweep to sweep."""
+        lacking = tuple(one.sigma for one in problems if one.sigma not in self.cut)
+        if lacking:
+            made = uniform_windows(self.lead.sweep, lacking, maps, state.light)
+            self.cut |= dict(zip(lacking, made, strict=True))
+        return [self.cut[one.sigma] for one in problems]
+
     def _rung(
-        self, problem: LeastSquares, uniform: UniformWindow, swept: Swept, plane: Array, moved: Array | None
-    ) -> _Rung:
+        self, problem: LeastSquares, uniform: UniformWindow, swept: Swept, plane: Array, moved: Array | None,
+        *, last: bool,
+    ) -> _Rung:  # fmt: skip
         """What one window makes of a sweep."""
         found, dtype = problem.solved(swept), self.plan.dtype
         increment = found.maps - swept.maps
@@ -237,34 +262,31 @@ class _Ladder:
         window = problem.plan.window
         aims = uniform.deconvolved(seen, orders_of(window.sharpen))
         before, self.before[window.size] = self.before.get(window.size), [aim + plane for aim in aims]
-        order = np.zeros(self.grid.shape, np.intp)
+        rung = _Rung(window, problem, found, self.before[window.size], np.zeros(self.grid.shape, np.intp))
         if before is not None and moved is not None:
-            order = self._borne(window, self.before[window.size], before, moved)
-        return _Rung(window, problem, found, self.before[window.size], order)
+            self._bear(rung, before, moved, last=last)
+        return rung
 
-    def _borne(
-        self, window: Window, aims: list[Array], before: list[Array], moved: Array
-    ) -> NDArray[np.intp]:
-        """The sharpest response that every point bears, by what the last change of the motion made of it.
+    def _bear(self, rung: _Rung, before: list[Array], moved: Array, *, last: bool) -> None:
+        """Find the sharpest response that every point bears, by what the last change of the motion made of it.
 
         An aim sums the change under its window; seen under one of σ itself, the change counts under one of √2 σ
-        (Cauchy and Schwarz).
+        (Cauchy and Schwarz). In the last sweep, and of the coarsest window, something is to be said of every point.
         """
-        reach = window.sigma / self.grid.step
-        made = np.maximum(
+        reach, aims = rung.window.sigma / self.grid.step, rung.aims
+        cause = np.maximum(
             _power(moved, math.sqrt(2) * reach), self.plan.tolerance**2
         )  # less is of no account
-        coarsest = window == self.windows[-1]  # something is to be said of every point
-        order = np.full(self.grid.shape, len(aims) - (1 if coarsest else 0))
+        kept = last or rung.window == self.windows[-1]
+        order = np.full(self.grid.shape, len(aims) - (1 if kept else 0))
+        effect, lost = np.zeros(self.grid.shape), np.ones(self.grid.shape, np.bool_)
         for k in range(len(aims) - 1, -1, -1):
-            order = np.where(_power(aims[k] - before[k], reach) <= made, k, order)
-        return order
-
-    def _left(self, moved: Array | None) -> Array:
-        """What the next sweep may still change."""
-        if moved is None:
-            return np.zeros(self.grid.shape)
-        return SHARPENED * np.hypot(moved[0], moved[1])
+            power = _power(aims[k] - before[k], reach)
+            borne = power <= cause
+            order, effect = np.where(borne, k, order), np.where(borne | (order == k), power, effect)
+            lost &= ~borne
+        rate = np.where(lost, MOST_LEFT, min(math.sqrt(effect.mean() / cause.mean()), MOST_LEFT))
+        rung.order, rung.left = order, np.sqrt(effect) * rate / (1 - rate)
 
     def _following(self, chosen: Solution) -> Array:
         """The motion of the next sweep: no NaN, and no point that contradicts its neighbours."""
@@ -286,7 +308,7 @@ class _Ladder:
         with np.errstate(invalid="ignore"):
             error = np.sqrt((chosen.covariance[..., 0, 0] + chosen.covariance[..., 1, 1]) / 2)
             enough = np.maximum(self.plan.tolerance, STANDS * error)
-            left = np.where(chosen.failed, np.nan, self._left(moved) / enough)
+            left = np.where(chosen.failed, np.nan, SHARPENED * np.hypot(moved[0], moved[1]) / enough)
         return typical(left) < 1
 
     def _last(
@@ -297,10 +319,9 @@ class _Ladder:
         used = mix.used
         rungs, state = self._swept(maps, state, moved, [self.problems[k] for k in used], last=True)
         made = []
-        left = self._left(np.stack([moved[0], moved[1]]) if moved is not None else None) * SHARPENED
         for rung in rungs:
-            whole = rung.problem.solution(rung.found, rung.maps, left, sharpened=True)
-            level = rung.level(whole.covariance, left)
+            whole = rung.problem.solution(rung.found, rung.maps, rung.found.left, sharpened=True)
+            level = rung.level(whole.covariance)
             made.append(level.replace(statistics=whole.statistics))
         blended = mix.blend(dict(zip(used, made, strict=True)))
         light = None if state.light is None else np.moveaxis(state.light, 0, -1)
