@@ -29,8 +29,8 @@ for a spectrum that is even over an octave,
     given d:  (Σ_b d_b E_b/(E_b + N_b))² + Σ_a Σ_b c_|a−b| √(v_a v_b) + rest
 
 The rest is what the finest window leaves out: more bands, each with the share q of the energy of the one before and
-correlated as they are, which add up to E q/(1 − q) (1 + 2a/(1 − a)), a = c_1 √q; their mean is a/(1 − a) of the finest
-band. A wave that a plain window attenuates a little lies in all finer bands, so that q goes on as it is found; sharpened
+correlated as they are, which add up to E q/(1 − q) (1 + 2a/(1 − a)), a = c_1 √q; their mean is a/(1 − a) of the
+finest band. A wave that a plain window attenuates a little lies in all finer bands: q goes on as it is found. Sharpened
 windows pass it, and their finer bands hold other waves.
 
 Where a window is cut, by a border or a mask, its fit sees one side only and errs in first order, and at an outline
