@@ -9,11 +9,12 @@ ladder, i the finer, differ by a **band** of the motion and by noise,
 finer pairs, and what the finest leaves out. Each of the six is treated by itself.
 
 **The energy of a band**, E_i, is what K d² is above K N, K the mean under a Gaussian of twice the coarser window's σ.
-Two things blur that: chance, 2/n of N² for n independent values under K; and N itself, which holds for a uniform
-texture: it varies from point to point as V does, and its mean is as wrong as it varies (measured on speckle for windows
-of 8, 11, 16, 22 and 31 px: wrong by .73, .65, .35, .17, .02 of N, V varies by .77, .51, .33, .22, .15). So
+Two things blur that: chance, which lets the mean of n squares be 1 + x as rarely as a normal deviate exceeds z, at the
+rate of `sixflow.chance`; and N itself, which holds for a uniform texture: it varies from point to point as V does, and
+its mean is as wrong as it varies (measured on speckle for windows of 8, 11, 16, 22 and 31 px: d² is above N by .73,
+.65, .35, .17, .02 of it, V varies by .77, .51, .33, .22, .15). So
 
-    doubt² = N² 2/n + var_K N,      E = P + w (K d² − K N − P),
+    doubt² = (N x/z)² + var_K N,      E = P + w (K d² − K N − P),
 
 P = `SHARES` E_{i+1} what the next coarser band lets expect. Bands are taken from coarse to fine, because the noise of
 fine windows would hide what coarse ones rule out. Of two reasons to believe what is found rather than what is expected,
@@ -39,8 +40,8 @@ as slowly as at a discontinuity.
 
 | symbol | name |
 |---|---|
-| d, E, N | `Bands` |
-| f, n, c | `law_of`, `overlap` |
+| f, x | `law_of` |
+| c | `overlap` |
 | E|β|², given d | `Bands.expected`, `Bands.seen` |
 """
 
@@ -54,6 +55,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.chance import normal_limit
 from sixflow.engine.bias import PLANES, difference_strip, energy_strip, left_out_strip, smooth_strip
 from sixflow.engine.response import response
 from sixflow.engine.threads import over_strips
@@ -63,8 +65,6 @@ from sixflow.refine.solution import Solution
 
 SPREAD = 2.0
 """Standard deviation of K in those of the coarser window: K spreads over four such windows."""
-ALLOWED = 2.0
-"""z: times its doubt that an energy has to be above what is expected."""
 SHARES = (0.5, 1.0)
 """Energy of a band over that of the next coarser, of displacement and gradient, where nothing more is seen: that of
 kinks, and of two-dimensional turbulence, whose spectra fall by k⁻² per octave."""
@@ -171,13 +171,16 @@ def _variances(level: Solution, window: Window) -> Array:
 def law_of(fine: Window, coarse: Window, step: int, *, top: bool) -> NDArray[np.float64]:
     """What `energy_strip` needs to know of a band, for displacement and gradient; shape (2, 6)."""
     ratio, reach = coarse.size / fine.size, max(SPREAD * coarse.sigma, LEAST * step)
-    law = []
+    law, limit = [], normal_limit()
     for kind, components in enumerate((2, 4)):
         f, squared = difference_noise(ratio, fine.sharpen)[kind]
         # noise of mean square wave number k² has (ΔΔ)² ≈ exp(−r² k²/2); there are no more values than grid points
         independent = min(1 + 2 * reach**2 * squared / fine.sigma**2, 4 * math.pi * (reach / step) ** 2)
-        chance = 2 / (components * max(independent, 1.0))
-        law.append([f, chance, 0.0 if top else SHARES[kind], ROUGHER, ALLOWED, 0.0 if top else ALLOWED])
+        part = 2 / (
+            9 * components * max(independent, 1.0)
+        )  # Wilson and Hilferty: the cube root of χ² is normal
+        chance = (((1 - part + limit * math.sqrt(part)) ** 3 - 1) / limit) ** 2
+        law.append([f, chance, 0.0 if top else SHARES[kind], ROUGHER, limit, 0.0 if top else limit])
     return np.array(law)
 
 
