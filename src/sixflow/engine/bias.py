@@ -2,7 +2,9 @@
 
 Planes of a band, the difference d of two windows, at every grid point where both are known:
 
-    1,  d² of the six,  variances V of the finer window's six,  sum of V² of u and v,  and of the other four
+    1,  d²/V of the six,  1/V of the six,  the sum of 1/V² of u and v,  and of the other four
+
+with V the variance of the finer window's. Points count by 1/V, so that where there is hardly any texture tells little.
 
 | symbol | name |
 |---|---|
@@ -22,6 +24,8 @@ from numpy.typing import NDArray
 from sixflow.engine.compiler import kernel
 
 PLANES = 15
+LEAST_VARIANCE = 1e-14
+"""Of frames without noise: 1/V² stays a number."""
 
 
 @kernel
@@ -48,14 +52,13 @@ def difference_strip(
             xx, xy = maps[2, j, i] - coarse[2, j, i], maps[3, j, i] - coarse[3, j, i]
             yx, yy = maps[4, j, i] - coarse[4, j, i], maps[5, j, i] - coarse[5, j, i]
             d[2], d[3], d[4], d[5] = xx + yy, yx - xy, xx - yy, xy + yx
-            plane[0] = 1.0
+            plane[0], plane[13], plane[14] = 1.0, 0.0, 0.0
             rest = left[j, i] * left[j, i] if math.isfinite(left[j, i]) else 0.0
             for k in range(6):
-                plane[1 + k] = d[k] * d[k]
-                plane[7 + k] = covariance[j, i, k, k] + (rest / 2 if k < 2 else rest / (4 * sigma * sigma))
-            plane[13], plane[14] = 0.0, 0.0
-            for k in range(6):
-                plane[13 if k < 2 else 14] += plane[7 + k] * plane[7 + k]
+                own = covariance[j, i, k, k] + (rest / 2 if k < 2 else rest / (4 * sigma * sigma))
+                weight = 1 / max(own, LEAST_VARIANCE)
+                plane[1 + k], plane[7 + k] = d[k] * d[k] * weight, weight
+                plane[13 if k < 2 else 14] += weight * weight
 
 
 @kernel
@@ -89,14 +92,17 @@ def smooth_strip(planes: NDArray[Any], half: NDArray[Any], start: int, stop: int
 
 @kernel
 def energy_strip(
-    sums: NDArray[Any], above: NDArray[Any], cut: NDArray[Any], law: NDArray[Any], start: int, stop: int,
+    band: tuple[Any, Any, Any], above: NDArray[Any], cut: NDArray[Any], law: NDArray[Any], start: int, stop: int,
     noise: NDArray[Any], energy: NDArray[Any],
 ) -> None:  # fmt: skip
-    """N and E of a band from its smoothed planes and E of the next coarser band, rows start … stop.
+    """N and E of a band from its planes, the same smoothed, and E of the next coarser band, rows start … stop.
 
-    `law` has a row for the displacement and one for the gradient: f, 1/(number of independent values), the share of
-    the coarser band's E that is expected, its factor where the window is cut, and z; `above` is 0 for the first band.
+    `band` is the planes, their sums under K, and an array for K V; N is the greater of f K V and f V. `law` has a row
+    for the displacement and one for the gradient: f, the square of what chance adds to 1, over z², the share of the
+    coarser band's E that is expected, its factor where the window is cut, z, and z there; `above` is 0 for the first
+    band.
     """
+    planes, sums, mean = band
     for j in range(start, stop):
         for i in range(cut.shape[1]):
             total = sums[j, i, 0]
@@ -110,16 +116,18 @@ def energy_strip(
                 found, of_noise, coarser, squares = 0.0, 0.0, 0.0, 0.0
                 for k in range(first, last):
                     coarser += above[j, i, k]
-                    noise[j, i, k] = f * sums[j, i, 7 + k] / total if known else math.nan
-                    of_noise += noise[j, i, k]
+                    noise[j, i, k] = mean[j, i, k] = math.nan
                     if known:
-                        found += sums[j, i, 1 + k] / total - share * above[j, i, k]
-                        squares += noise[j, i, k] * noise[j, i, k]
-                found -= of_noise
+                        weights = sums[j, i, 7 + k]
+                        mean[j, i, k] = total / weights
+                        noise[j, i, k] = f * mean[j, i, k]
+                        of_noise += noise[j, i, k]
+                        found += sums[j, i, 1 + k] / weights - noise[j, i, k] - share * above[j, i, k]
+                        squares += weights * weights
                 part = 0.0
                 if known:
-                    varied = max(f * f * sums[j, i, 13 + kind] / total - squares, 0.0)
-                    doubt = of_noise * of_noise * (chance + (varied / squares if squares > 0 else 0.0))
+                    varied = max(total * sums[j, i, 13 + kind] / squares - 1, 0.0)
+                    doubt = of_noise * of_noise * (chance + varied)
                     if found != 0:
                         part = max(0.0, 1 - z * z * doubt / (found * found))
                     if coarser > 0:
@@ -127,8 +135,10 @@ def energy_strip(
                 for k in range(first, last):
                     expected = share * above[j, i, k]
                     if known:
-                        gap = sums[j, i, 1 + k] / total - noise[j, i, k] - expected
+                        gap = sums[j, i, 1 + k] / sums[j, i, 7 + k] - noise[j, i, k] - expected
                         expected = max(0.0, expected + part * gap)
+                        if planes[j, i, 0] > 0:
+                            noise[j, i, k] = max(noise[j, i, k], f / planes[j, i, 7 + k])
                     energy[j, i, k] = expected
 
 

@@ -8,7 +8,8 @@ ladder, i the finer, differ by a **band** of the motion and by noise,
 (∫ over wave numbers as in `engine.response`, for gradients with k²). So what window j leaves out is the bands of all
 finer pairs, and what the finest leaves out. Each of the six is treated by itself.
 
-**The energy of a band**, E_i, is what K d² is above K N, K the mean under a Gaussian of twice the coarser window's σ.
+**The energy of a band**, E_i, is what K d² is above K N, K the mean under a Gaussian of twice the coarser window's σ,
+in which points count by 1/V_i.
 Two things blur that: chance, which lets the mean of n squares be 1 + x as rarely as a normal deviate exceeds z, at the
 rate of `sixflow.chance`; and N itself, which holds for a uniform texture: it varies from point to point as V does, and
 its mean is as wrong as it varies (measured on speckle for windows of 8, 11, 16, 22 and 31 px: d² is above N by .73,
@@ -94,7 +95,7 @@ class Bands:
     seen : array, shape (levels, rows, columns, 6)
         The same, given the differences at the point itself.
     noise : array, shape (levels, rows, columns, 6)
-        Mean variance of each window's six about each point.
+        Variance of each window's six: that of the point, or their mean about it if it is greater.
     """
 
     expected: Array
@@ -122,10 +123,9 @@ def bias_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) -> 
 def bands_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) -> Bands:
     """Compare neighbouring windows (`bias_of`)."""
     count, shape = len(levels) - 1, (*grid.shape, 6)
-    usable = [~level.failed & np.isfinite(level.maps[0]) for level in levels]
+    usable = [~level.failed & np.isfinite(level.maps[0] + level.covariance[..., 0, 0]) for level in levels]
     energies, noises, differences = (np.empty((count, *shape), np.float32) for _ in range(3))
-    above, means = np.zeros(shape, np.float32), np.empty((count + 1, *shape), np.float32)
-    means[-1] = _variances(levels[-1], windows[-1])
+    above, noise = np.zeros(shape, np.float32), np.empty((count + 1, *shape), np.float32)
     for b in range(count - 1, -1, -1):
         (fine, coarse), top = levels[b : b + 2], b == count - 1
         planes = np.empty((*grid.shape, PLANES), np.float32)
@@ -140,14 +140,13 @@ def bands_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) ->
             known,
             out=(differences[b], planes),
         )
-        sums = _smooth(planes, windows[b + 1], grid)
+        band = planes, _smooth(planes, windows[b + 1], grid), noise[b]
         law = law_of(windows[b], windows[b + 1], grid.step, top=top)
-        _over(grid, energy_strip, sums, above, _is_cut(coarse), law, out=(noises[b], energies[b]))
-        above, means[b] = energies[b], _mean(sums[..., 7:13], sums[..., :1])
-        if top:
-            own = np.concatenate([np.ones((*grid.shape, 1), np.float32), means[-1]], axis=-1)
-            own = _smooth(np.where(usable[-1][..., None], own, 0), windows[-1], grid)
-            means[-1] = _mean(own[..., 1:], own[..., :1])
+        _over(grid, energy_strip, band, above, _is_cut(coarse), law, out=(noises[b], energies[b]))
+        above = energies[b]
+    for b, (level, window) in enumerate(zip(levels, windows, strict=True)):
+        own = _variances(level, window)
+        noise[b] = np.fmax(noise[b], own) if b < count else own
     expected, seen = (np.zeros((count + 1, *shape), np.float32) for _ in range(2))
     if count:
         sharpen, flat = windows[0].sharpen, (grid.rows, -1)
@@ -155,7 +154,7 @@ def bands_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) ->
         laws = overlap(sharpen, max(count, 2)), np.array([BEYOND if sharpen else SMOOTH, BEYOND])
         out = expected.reshape(count + 1, *flat), seen.reshape(count + 1, *flat)
         _over(grid, left_out_strip, bands, *laws, out=out)
-    return Bands(expected, seen, means)
+    return Bands(expected, seen, noise)
 
 
 def _variances(level: Solution, window: Window) -> Array:
@@ -248,11 +247,6 @@ def _smooth(planes: Array, window: Window, grid: Grid) -> Array:
     out = np.empty_like(planes)
     over_strips(lambda start, stop: smooth_strip(planes, half, start, stop, out), grid.rows, GRID_STRIP)
     return out
-
-
-def _mean(sums: Array, total: Array) -> Array:
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(np.where(total > 1e-6, sums / total, np.nan))
 
 
 def _over(grid: Grid, strip: Any, *given: Any, out: tuple[Array, Array]) -> None:

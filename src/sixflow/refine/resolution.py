@@ -5,7 +5,8 @@ Every window of a ladder has noise, of variance V_j, and leaves something out, o
 
     R_j = V_j + B_j
 
-with V_j the mean about the point, because the noise of small windows is known least where it is least. R is formed
+with V_j the mean about the point where that is more, because the noise of small windows is known least where it is
+least. R is formed
 for the displacement and for the gradient, and the window with the least product of the two is taken: neither has a unit
 that outweighs the other.
 
