@@ -187,7 +187,7 @@ def _share_inside(held: NDArray[np.bool_]) -> float:
     inside = (
         held & ~np.minimum.accumulate(held, axis=1) & ~np.minimum.accumulate(held[:, ::-1], axis=1)[:, ::-1]
     )
-    return float((np.count_nonzero(inside[:, 1:] & inside[:, :-1]) + 1) / (np.count_nonzero(inside) + 2))
+    return float(np.count_nonzero(inside[:, 1:] & inside[:, :-1]) / (np.count_nonzero(inside) + 1))
 
 
 def _longest_by_chance(share: float, shape: tuple[int, ...]) -> int:
