@@ -28,6 +28,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sixflow.convention.flags import FLAGS
@@ -156,7 +157,8 @@ class _Ladder:
     def __init__(
         self, still: Frame, moved: Frame, grid: Grid, plan: Plan, unknown: NDArray[np.bool_]
     ) -> None:
-        self.frames, self.grid, self.plan, self.unknown = (still, moved), grid, plan, unknown
+        self.frames, self.grid, self.plan = (still, moved), grid, plan
+        self.unknown, self.few = unknown, _few(unknown, (plan.window.size / grid.step) ** 2)
         coarse = tuple(one for one in plan.ladder if one.size >= FIRST)
         self.windows = coarse or plan.ladder
         self.problems = self._problems_of(self.windows)
@@ -248,10 +250,10 @@ class _Ladder:
         """The motion of the next sweep: no NaN, and no point that contradicts its neighbours.
 
         Where the search knew nothing, windows of other sizes may follow anything, and those around would read it: there
-        neighbours say what they see, until the frames look alike in the window of the search.
+        neighbours say what they see. Of a few points, fewer than one window holds, they do until frames look alike.
         """
         lead = min(rungs, key=lambda rung: abs(rung.window.size - SEARCHED))
-        self.unknown = self.unknown & ~lead.found.trusted
+        self.unknown = self.unknown & ~(lead.found.trusted & self.few)
         known = np.where(self.unknown, np.nan, chosen.known)
         finite = np.isfinite(chosen.window)
         reach = float(np.median(chosen.window[finite])) if finite.any() else float(self.windows[0].size)
@@ -284,3 +286,11 @@ class _Ladder:
         blended = mix.blend(dict(zip(used, made, strict=True)))
         light = None if state.light is None else np.moveaxis(state.light, 0, -1)
         return blended.replace(bias=chosen.bias, light=light)
+
+
+def _few(points: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
+    """Points of connected regions of so many at most."""
+    labels, _ = scipy.ndimage.label(points, np.ones((3, 3)))
+    sizes = np.bincount(labels.ravel())
+    sizes[0] = 0
+    return np.asarray(points & (sizes[labels] <= most))
