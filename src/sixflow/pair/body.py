@@ -16,18 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.judge.edges import refuted
-from sixflow.judge.flags import isolated, judged
+from sixflow.judge.flags import bias_rules, isolated, judged
 from sixflow.judge.roundtrip import no_return
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import fill_failed, settle
 from sixflow.maps.placing import placed
 from sixflow.method import problem_of
 from sixflow.pair.start import Start
-from sixflow.plan import Plan
+from sixflow.plan import Plan, Window
 from sixflow.prepare.frame import Frame
 from sixflow.prepare.light import BodyLight
 from sixflow.prepare.lighting import Light, confirmed
 from sixflow.refine.iterate import dense, refine
+from sixflow.refine.ladder import refine_ladder
 from sixflow.refine.resolution import choose
 from sixflow.refine.solution import Solution
 from sixflow.search.growth import Scene, extrapolated
@@ -83,7 +84,8 @@ class Body:
             found = found.with_flag("edge", self._refuted(found))
         if self.plan.forward_backward:
             found = found.with_flag("forward_backward", self._fails_round_trip(found))
-        return found.with_flag("outlier", isolated(found.flag))
+        found = found.with_flag("outlier", isolated(found.flag))
+        return found.with_flag("unresolved", bias_rules(found))
 
     def _confirmed(self, found: Solution) -> bool:
         """Whether the windows of the search show the change of light too."""
@@ -116,18 +118,37 @@ class Body:
         windows = self.plan.ladder
         if not windows:
             return self._measured(start, self.plan)
+        if self.plan.method == "least_squares" and self.plan.group == "affine":
+            return self._on_ladder(found, start)
         levels: list[Solution] = []
         for window in reversed(windows):
-            levels.insert(0, self._measured(start, self.plan.replace(window=window), sharpened=bool(levels)))
+            levels.insert(
+                0,
+                self._measured(
+                    start, self.plan.replace(window=window), sharpened=bool(levels and window.sharpen)
+                ),
+            )
             start = settle(levels[0].known, self.grid.step, window.size)
         return choose(levels, windows, self.grid)
+
+    def _on_ladder(self, searched: Solution, start: NDArray[Any]) -> Solution:
+        """Measure with all windows at once, choose at every point, and judge."""
+        frames = self.still, self.moved
+        if self.light is not None:
+            frames = self.light.divided_out(*frames, start, self.plan.share)
+        found = refine_ladder(*frames, self.grid, self.plan, searched, start)
+        middle = float(np.nanmedian(found.window))
+        plan = self.plan.replace(window=Window(middle, self.plan.ladder[0].sharpen))
+        return judged(found, self.grid, self.asked, plan)
 
     def _measured(self, start: NDArray[Any], plan: Plan, *, sharpened: bool = False) -> Solution:
         """Refine a start with one window, and judge it; `sharpened`: the start was, by another window."""
         frames = self.still, self.moved
         if self.light is not None:
             frames = self.light.divided_out(*frames, start, plan.share)
-        found = refine(problem_of(*frames, self.grid, plan), start, sharpened=sharpened)
+        found = refine(
+            problem_of(*frames, self.grid, plan), start, sharpened=sharpened, bias=not self.plan.ladder
+        )
         flag = judged(self._dense(found), self.grid, self.asked, plan).flag
         return found.replace(flag=flag)
 
