@@ -5,6 +5,7 @@ import pytest
 
 import naive
 from sixflow.convention.flags import FAILING, FLAGS
+from sixflow.judge.chance import normal_limit
 from sixflow.judge.flags import _collapses, bias_rules, isolated, judged
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import LIMIT, fill_failed, median_outliers, settle
@@ -218,9 +219,10 @@ def test_maps_that_fold_the_window_are_outliers():
     assert not _collapses(maps, "first")[0, 0]
 
 
-def test_bias_rules_where_it_is_more_than_noise():
+def test_bias_rules_where_it_stands_out_of_noise():
     bias = np.zeros((*GRID.shape, 6))
-    bias[2, 3, 1] = bias[4, 5, 2] = 2e-4  # of v, and of a gradient; the noise's variance is 1e-4
+    bias[2, 3, 1] = bias[4, 5, 2] = 1.1e-4 * normal_limit() ** 2  # of v, and of a gradient
+    bias[6, 7, 0] = 0.9e-4 * normal_limit() ** 2  # the noise's variance is 1e-4
     found = solution_of(GRID.plane(np.zeros(6)))
     assert not bias_rules(found).any()
     assert np.argwhere(bias_rules(found.replace(bias=bias))).tolist() == [[2, 3]]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.convention.reference import SHARE
 from sixflow.engine.rows import LEAST_AREA
+from sixflow.judge.chance import normal_limit
 from sixflow.judge.contradiction import (
     at_edge,
     disagreement,
@@ -92,11 +93,12 @@ def _with_reasons(
 
 
 def bias_rules(found: Solution) -> NDArray[np.bool_]:
-    """Where what the window leaves out of the displacement is more than its noise; of points that have a value."""
+    """Where what the window leaves out of the displacement stands out of its noise; of points that have a value."""
     if found.bias is None:
         return np.zeros(found.flag.shape, np.bool_)
     with np.errstate(invalid="ignore"):
-        left_out = found.bias[..., :2] > np.diagonal(found.covariance, axis1=-2, axis2=-1)[..., :2]
+        noise = np.diagonal(found.covariance, axis1=-2, axis2=-1)[..., :2]
+        left_out = found.bias[..., :2] > normal_limit() ** 2 * noise
     return np.asarray(left_out.any(axis=-1) & ~found.failed)
 
 
