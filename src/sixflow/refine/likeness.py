@@ -138,8 +138,13 @@ def coarseness(still: NDArray[Any], moved: NDArray[Any], sigma: float) -> float:
     response = 2 * np.sin(np.outer(omega, np.arange(1, len(DERIVATIVE) + 1))) @ np.asarray(DERIVATIVE)
     y, x = response[:, None], response
     xx, xy, yy = (float((both * product).sum()) for product in (x * x, x * y, y * y))
-    overlap = side**2 * float((power[0] * power[1]).sum()) / (totals[0] * totals[1])
+    overlap = correlation_area(*power)
     return max(1.0, overlap * math.sqrt(max(xx * yy - xy**2, 0.0)) / math.pi)
+
+
+def correlation_area(first: Array, second: Array) -> float:
+    """∫c₀c₁ of two textures from the spectra of their tiles, px²."""
+    return float(first.size * (first * second).sum() / (first.sum() * second.sum()))
 
 
 def spectrum_of(image: NDArray[Any], sigma: float) -> Array:
