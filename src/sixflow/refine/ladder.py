@@ -48,6 +48,8 @@ from sixflow.refine.uniform import UniformWindow, uniform_windows
 FIRST = 16
 """px: the finest window of the first sweeps: its nodes stand 4 px apart, and those of finer ones cost several times as
 much."""
+RIM = 0.5
+"""Share of a window on pixels that have a partner, below which a point lies outside of them."""
 SWEEPS = 6
 """Upper limit, the last one included."""
 STANDS = 0.25
@@ -76,7 +78,7 @@ def refine_ladder(
     Solution
         Not yet judged, but for points where no window could be used.
     """
-    return _Ladder(still, moved, grid, plan, found.failed).refine(start, State(weights=found.pixels))
+    return _Ladder(still, moved, grid, plan, _unknown(found)).refine(start, State(weights=found.pixels))
 
 
 @dataclasses.dataclass
@@ -286,6 +288,12 @@ class _Ladder:
         blended = mix.blend(dict(zip(used, made, strict=True)))
         light = None if state.light is None else np.moveaxis(state.light, 0, -1)
         return blended.replace(bias=chosen.bias, light=light)
+
+
+def _unknown(found: Solution) -> NDArray[np.bool_]:
+    """Points that the search failed at, but for those that the rim of a frame cuts off."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(found.failed & ~(found.statistics.weight < RIM))
 
 
 def _few(points: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:

@@ -28,8 +28,8 @@ GRID_STRIP = 16
 FARTHEST = 1.31
 """Points of a grid over σ, at most: a cubic interpolant misses (kh)⁴/384 of a wave. Of the wave that a window sharpened
 twice attenuates by a tenth, kσ = 1.117, this is an eighth of that."""
-STRAIGHT = 0.5
-"""σ by which the outline of the pixels that count may be bent: the window's weight there is a fifth of the whole."""
+STRAIGHT = 2.5
+"""σ by which the outline of the pixels that count may be bent, and be taken for straight."""
 BLOCK = 8
 """px."""
 Array = NDArray[Any]
