@@ -48,8 +48,6 @@ from sixflow.refine.uniform import UniformWindow, uniform_windows
 FIRST = 16
 """px: the finest window of the first sweeps: its nodes stand 4 px apart, and those of finer ones cost several times as
 much."""
-RIM = 0.5
-"""Share of a window on pixels that have a partner, below which a point lies outside of them."""
 SWEEPS = 6
 """Upper limit, the last one included."""
 STANDS = 0.25
@@ -291,9 +289,8 @@ class _Ladder:
 
 
 def _unknown(found: Solution) -> NDArray[np.bool_]:
-    """Points that the search failed at, but for those that the rim of a frame cuts off."""
-    with np.errstate(invalid="ignore"):
-        return np.asarray(found.failed & ~(found.statistics.weight < RIM))
+    """Points that the search failed at, but for those at the rim, whose windows are cut as it is."""
+    return np.asarray(found.failed & ((found.flag & FLAGS["border"]) == 0))
 
 
 def _few(points: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:
