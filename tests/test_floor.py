@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from sixflow import measure, measure_sequence, open_frames, synth
+from measured import measure
+from sixflow import measure_sequence, open_frames, synth
 from sixflow.frames import Compression, Metadata
 from sixflow.frames.floor import Floor, rounding_noise
 from sixflow.pair.session import Session

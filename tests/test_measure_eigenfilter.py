@@ -13,7 +13,8 @@ from scipy.signal import fftconvolve
 
 import measured
 import naive
-from sixflow import InputError, Settings, measure, measure_sequence
+from measured import measure
+from sixflow import InputError, Settings, measure_sequence
 from sixflow.cli import main
 from sixflow.eigenfilters.problem import EigenfilterProblem, OperatorArray
 from sixflow.engine.response import response as response_of
