@@ -9,7 +9,8 @@ from sixflow.engine.likely import likely_strip
 from sixflow.engine.response import quotient
 from sixflow.engine.window import CUT
 from sixflow.maps.grid import Grid
-from sixflow.refine.uniform import LatticeWindow, MaskedWindow, RectangularWindow, seen_by
+from sixflow.refine.cut import LatticeWindow, MaskedWindow, seen_by
+from sixflow.refine.uniform import RectangularWindow
 
 
 def fits(maps, grid, sigma, counted):

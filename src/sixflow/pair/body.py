@@ -33,6 +33,7 @@ from sixflow.refine.ladder import refine_ladder
 from sixflow.refine.resolution import choose
 from sixflow.refine.solution import Solution
 from sixflow.search.growth import Scene, extrapolated
+from sixflow.search.pyramid import finer
 from sixflow.search.stage import find_motion
 
 
@@ -75,6 +76,9 @@ class Body:
         guess : array, shape (6, rows, columns), optional
             A user's first guess, at points of frame 0.
         """
+        times = self.plan.between(self.grid.step)
+        if times > 1 and self.light is None:
+            return self._on_finer_grid(times, start, guess)
         found = self._found(start, guess)
         if self.doubtful and not self._confirmed(found):
             steady = dataclasses.replace(self, plan=self.plan.replace(lighting="none"), doubtful=False)
@@ -86,6 +90,15 @@ class Body:
         if self.plan.forward_backward:
             found = found.with_flag("forward_backward", self._fails_round_trip(found))
         return found.with_flag("outlier", isolated(found.flag))
+
+    def _on_finer_grid(self, times: int, start: Start | None, guess: NDArray[np.float64] | None) -> Solution:
+        """Measure at points that are closer to each other than is asked for, and take those that are."""
+        grid, places = self.grid.finer(times, self.plan.shape)
+        if start is not None:
+            start = Start(finer(start.maps, self.grid, grid, 1))
+        if guess is not None:
+            guess = finer(guess, self.grid, grid, 1)
+        return dataclasses.replace(self, grid=grid).measure(start, guess).sampled(*places)
 
     def _confirmed(self, found: Solution) -> bool:
         """Whether the windows of the search show the change of light too."""

@@ -37,13 +37,14 @@ from sixflow.maps.neighbours import settle, typical
 from sixflow.plan import SEARCHED, Plan, Window
 from sixflow.prepare.frame import Frame
 from sixflow.refine.covariance import order_scale, solution_of_pass
+from sixflow.refine.cut import uniform_windows
 from sixflow.refine.least_squares import LeastSquares, LeastSquaresPass, Swept
 from sixflow.refine.mix import Mix
 from sixflow.refine.problem import State
 from sixflow.refine.resolution import choose
 from sixflow.refine.sharpen import SHARPENED, Borne, at_order, orders_of
 from sixflow.refine.solution import Solution
-from sixflow.refine.uniform import UniformWindow, uniform_windows
+from sixflow.refine.uniform import UniformWindow
 
 FIRST = 16
 """px: the finest window of the first sweeps: its nodes stand 4 px apart, and those of finer ones cost several times as

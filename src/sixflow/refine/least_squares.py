@@ -32,12 +32,13 @@ from sixflow.maps.restriction import allowed, confined, maps_of, unknowns, with_
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
 from sixflow.refine.covariance import above_floor, covariance_of_pass, shrunk_noise, solution_of_pass
+from sixflow.refine.cut import uniform_windows
 from sixflow.refine.light import light_of_windows
 from sixflow.refine.moments import Moments, node_spacing
 from sixflow.refine.problem import Pass, PixelWeights, State
 from sixflow.refine.solution import Solution, WindowStatistics
 from sixflow.refine.sweep import Sweep, mean_plane
-from sixflow.refine.uniform import UniformWindow, uniform_windows
+from sixflow.refine.uniform import UniformWindow
 from sixflow.refine.windows import WindowSums, window_means, window_sums
 
 GRID_STRIP = 16
