@@ -1,8 +1,8 @@
 """Cut: windows as the pixels of a pair cut them that have no partner, or another motion (`uniform`).
 
-A mask cuts them in any way: M is then summed over a lattice of pixels, at the points whose windows hold any that do not
-count. So do regions of outlying pixels, and points at which the search knew nothing: the fit does not see what is there,
-and M must not read it.
+A mask cuts them in any way: M is then summed over a lattice of pixels, at the points whose windows hold any that do
+not count. So do regions of outlying pixels, and points at which the search knew nothing: the fit does not see what is
+there, and M must not read it.
 """
 
 from __future__ import annotations
