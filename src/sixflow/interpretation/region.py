@@ -19,7 +19,7 @@ Two numbers measure how reliable the result is:
 
 Where the residuals hold more than K explains, by their power or by their power in slow waves, the rest is what the
 model leaves out, as large and as far-reaching as the residuals show it to be (`scatter.unexplained`), and its part is
-added to the covariance. The assumptions then say so.
+added to the covariance. Where that is more than chance makes, the assumptions say so.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from sixflow.interpretation.correlation import Correlation, noise_share, unknown
 from sixflow.interpretation.estimate import Clock, Estimate, Interpretation
 from sixflow.interpretation.model import plane_in_window
 from sixflow.interpretation.points import Points, Region, select_points
-from sixflow.interpretation.scatter import SUSPECT, Part, Scatter, power_spread, probes, unexplained
+from sixflow.interpretation.scatter import Part, Scatter, power_of, unexplained
 from sixflow.interpretation.weights import precision_around, symmetric_power, weights
 from sixflow.scenes import Eight
 
@@ -217,7 +217,7 @@ def _assumptions(coefficients: Coefficients, solution: _Solution) -> tuple[str, 
         shape = "the flow of the region is affine: a plane so small or so nearly facing that E = F = 0"
     statements = [shape, "velocities are constant over the frame interval"]
     misfit = solution.misfit
-    if solution.enlarged > 1:
+    if not solution.borne_out:
         statements.append(
             f"NOT BORNE OUT: the misfit is {misfit.value:.3g}, where 1 ± {misfit.standard_error:.2g} is expected; the "
             "region does not move quite like this, and what is left of its motion makes standard errors up to "
@@ -233,6 +233,7 @@ class _Solution:
     independent: float
     misfit: Estimate
     enlarged: float
+    borne_out: bool
 
 
 class _Solver:
@@ -298,19 +299,19 @@ class _Solver:
         Q = B @ inverse
         inverse /= scale[:, None]
         meat, left = self.scatter.meat(Q), r - Q @ (Q.T @ r)
-        expected, power = self.scatter.power(Q), float(left @ left)
-        misfit = Estimate(power / expected, power_spread(self.scatter, Q, probes(Q)) / expected)
-        significant = misfit.value > 1 + SUSPECT * misfit.standard_error
-        excess = unexplained(self.scatter, left, Q, self._slower(), significant)
+        power = power_of(self.scatter, left, Q)
+        misfit = Estimate(power.found / power.expected, power.spread / power.expected)
+        excess = unexplained(self.scatter, left, Q, power, self._slower())
         enlarged, whole = 1.0, meat
         if excess is not None:
             whole = meat + excess.size * excess.scatter.meat(Q)
             enlarged = math.sqrt(float(np.linalg.eigvalsh(np.linalg.solve(meat, whole)).max()))
+        borne_out = excess is None or excess.by_chance
         covariance = np.zeros((8, 8))
         covariance[: self.k, : self.k] = inverse @ whole @ inverse.T
-        return _Solution(theta, covariance, self._independent(), misfit, enlarged)
+        return _Solution(theta, covariance, self._independent(), misfit, enlarged, borne_out)
 
-    def _slower(self) -> list[tuple[float, Scatter]]:
+    def _slower(self) -> list[Scatter]:
         """What the model may leave out, from a window's length to the longest wave that fits into the region."""
         points = self.points
         longest = max(np.ptp(points.x), np.ptp(points.y)) / (2 * math.pi)
@@ -324,7 +325,7 @@ class _Solver:
             part = Part(
                 self.root * np.array([1, slope, slope] * 2), Correlation(points.x, points.y, length, 0)
             )
-            found.append((length, Scatter(points.used, [part])))
+            found.append(Scatter(points.used, [part]))
         return found
 
     def _independent(self) -> float:

@@ -16,11 +16,13 @@ P/2π. Windows leave out what is of the period P and less: it does not average d
 
 *What the model leaves out.* Let q = Pr be the whitened residuals, P = I − QQᵀ what a fit leaves. Their power |q|² and
 their power in slow waves qᵀK_l q, with K_l the last part of s = 1 and the longest wave that fits into the region, L =
-extent/2π, have the expected values tr PK and tr K_l PKP. Where one of them exceeds its own by more than three standard
-errors, the region does not move as the model says. Of the lengths from a window to the longest, that L is taken whose
-ratio of both powers is nearest to that of the excesses, and s such that neither excess is larger than it explains. Slow
-deviations are mostly taken for motion, and what is left of them is small: multiplying covariances by the misfit would
-take them for so much noise, which averages out over a region, and they do not.
+extent/2π, have the expected values tr PK and tr K_l PKP and standard deviations by chance d. An excess e over the
+expected value is taken for [1 − d²/e²]₊ e, as in James and Stein's estimate: what chance makes counts little, what it
+cannot make counts whole. Of the lengths from a window to the longest, that L is taken whose ratio of both powers is
+nearest to that of the excesses, and s such that neither excess is larger than it explains. Slow deviations are mostly
+taken for motion, and what is left of them is small: multiplying covariances by the misfit would take them for so much
+noise, which averages out over a region, and they do not. Where an excess is beyond chance (`sixflow.chance`), the
+region does not move as the model says.
 """
 
 from __future__ import annotations
@@ -33,12 +35,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.chance import normal_limit
 from sixflow.interpretation.correlation import Correlation
 
 Array = NDArray[Any]
-
-SUSPECT = 3.0
-"""Standard errors by which a power may exceed what is expected of it."""
 
 _PROBES = 24
 
@@ -101,11 +101,39 @@ def probes(Q: Array) -> Array:
     return np.asarray(z - Q @ (Q.T @ z))
 
 
-def power_spread(scatter: Scatter, Q: Array, z: Array) -> float:
-    """√(2 tr (PKP)²), the standard deviation of |q|², by the mean of |PKz|² over probes z."""
+@dataclasses.dataclass(frozen=True)
+class Power:
+    """A power of the residuals beside what is expected of it.
+
+    Attributes
+    ----------
+    found, expected, spread : float
+        By chance it scatters by `spread`.
+    """
+
+    found: float
+    expected: float
+    spread: float
+
+    @property
+    def excess(self) -> float:
+        """[1 − d²/e²]₊ e, at least 0."""
+        over = self.found - self.expected
+        return max(0.0, over - self.spread**2 / over) if over > 0 else 0.0
+
+    @property
+    def by_chance(self) -> bool:
+        """Whether chance makes it as large; two are asked for."""
+        return self.found <= self.expected + normal_limit(2) * self.spread
+
+
+def power_of(scatter: Scatter, left: Array, Q: Array) -> Power:
+    """|q|², scattering by √(2 tr (PKP)²): the mean of |PKz|² over probes z."""
+    z = probes(Q)
     seen = scatter.apply(z)
     seen -= Q @ (Q.T @ seen)
-    return math.sqrt(2 * float((seen**2).sum()) / z.shape[1])
+    spread = math.sqrt(2 * float((seen**2).sum()) / z.shape[1])
+    return Power(float(left @ left), scatter.power(Q), spread)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,17 +146,17 @@ class Excess:
         s = 1.
     size : float
         s².
-    length : float
-        L, px.
+    by_chance : bool
+        Whether chance makes as much.
     """
 
     scatter: Scatter
     size: float
-    length: float
+    by_chance: bool
 
 
 def unexplained(
-    scatter: Scatter, left: Array, Q: Array, candidates: Sequence[tuple[float, Scatter]], significant: bool
+    scatter: Scatter, left: Array, Q: Array, power: Power, candidates: Sequence[Scatter]
 ) -> Excess | None:
     """What the errors of the points do not explain of the residuals; None if that is nothing.
 
@@ -140,42 +168,33 @@ def unexplained(
         q.
     Q : array, shape (6n, k)
         Orthonormal directions of the fit.
-    candidates : sequence of (L, Scatter)
-        From short to long.
-    significant : bool
-        Whether |q|² is too large already.
+    power : Power
+        |q|².
+    candidates : sequence of Scatter
+        Of s = 1, from short L to long.
     """
     if len(left) <= Q.shape[1]:
         return None  # nothing is left over
-    slow = candidates[-1][1]
-    z = probes(Q)
-    seen = slow.apply(z)  # K_l P z
-    explained = scatter.apply(z)
-    explained -= Q @ (Q.T @ explained)
-    expected_slow = float((seen * explained).sum()) / z.shape[1]
-    # Var qᵀK_l q = 2 tr (K_l PKP)², of which |PK P K_l P z|² is the trace without the order of its factors
-    twice = scatter.apply(seen - Q @ (Q.T @ seen))
-    twice -= Q @ (Q.T @ twice)
-    spread_slow = math.sqrt(max(0.0, 2 * float((twice * _turned(scatter, slow, Q, z)).sum()) / z.shape[1]))
-    excess_slow = float(left @ slow.apply(left[:, None])[:, 0]) - expected_slow
-    if not significant and excess_slow <= SUSPECT * spread_slow:
+    slow, z = candidates[-1], probes(Q)
+
+    def seen(by: Scatter, values: Array) -> Array:
+        found = by.apply(values)
+        return np.asarray(found - Q @ (Q.T @ found))
+
+    # Var qᵀK_l q = 2 tr (AB)², A = P K_l P, B = PKP, by the mean of (BAz)·(ABz)
+    slowly, known = seen(slow, z), seen(scatter, z)
+    product = float((seen(scatter, slowly) * slow.apply(known)).sum()) / z.shape[1]
+    in_slow = Power(
+        float(left @ slow.apply(left[:, None])[:, 0]),
+        float((slowly * known).sum()) / z.shape[1],
+        math.sqrt(max(0.0, 2 * product)),
+    )
+    if power.excess == 0 and in_slow.excess == 0:
         return None
-    excess = float(left @ left) - scatter.power(Q)
-    found = []
-    for length, candidate in candidates:
-        moved = candidate.apply(z)
-        moved -= Q @ (Q.T @ moved)
-        found.append((length, candidate, candidate.power(Q), float((seen * moved).sum()) / z.shape[1]))
-    ratios = np.log([slow_power / power for _, _, power, slow_power in found])
-    wanted = math.log(excess_slow / excess) if min(excess, excess_slow) > 0 else np.inf * excess_slow
-    length, candidate, power, slow_power = found[
-        int(np.abs(ratios - np.clip(wanted, *ratios[[0, -1]])).argmin())
-    ]
-    return Excess(candidate, max(excess / power, excess_slow / slow_power), length)
-
-
-def _turned(scatter: Scatter, slow: Scatter, Q: Array, z: Array) -> Array:
-    """K_l PKP z, whose product with PKP K_l z has the mean tr (K_l PKP)²."""
-    seen = scatter.apply(z)
-    seen -= Q @ (Q.T @ seen)
-    return slow.apply(seen)
+    powers = np.array([one.power(Q) for one in candidates])
+    slow_powers = np.array([float((slowly * seen(one, z)).sum()) / z.shape[1] for one in candidates])
+    ratios = slow_powers / powers
+    wanted = in_slow.excess / power.excess if power.excess > 0 else np.inf
+    k = int(np.abs(np.log(ratios / np.clip(wanted, ratios.min(), ratios.max()))).argmin())
+    size = max(power.excess / powers[k], in_slow.excess / slow_powers[k])
+    return Excess(candidates[k], float(size), power.by_chance and in_slow.by_chance)
