@@ -21,7 +21,8 @@ P = `SHARES` E_{i+1} what the next coarser band lets expect. Bands are taken fro
 fine windows would hide what coarse ones rule out. Of two reasons to believe what is found rather than what is expected,
 the stronger holds: it is plainly there, w = 1 − z² doubt²/(…)² (Stein's positive part), or it is not unlikely,
 w = E_{i+1}²/(E_{i+1}² + doubt²): a band may well differ from what is expected by all that the coarser one has. The
-first band has no coarser: E = 0 is expected. Components of a kind are judged together.
+first band has no coarser: E = 0 is expected. It is what noise hides least, and all the others are hidden behind it:
+there z = 1. Components of a kind are judged together.
 
 **At the point** the band is between 0 and d: given E and N, it is d E/(E + N), with variance v = E N/(E + N) (Wiener).
 Bands overlap, and a wave lies in several at once. With the correlation c_m between two that are m half-octaves apart,
@@ -194,7 +195,9 @@ def law_of(fine: Window, coarse: Window, step: int, *, top: bool) -> NDArray[np.
             9 * components * max(independent, 1.0)
         )  # Wilson and Hilferty: the cube root of χ² is normal
         chance = (((1 - part + limit * math.sqrt(part)) ** 3 - 1) / limit) ** 2
-        law.append([f, chance, 0.0 if top else SHARES[kind], ROUGHER, limit, 0.0 if top else limit])
+        law.append(
+            [f, chance, 0.0, ROUGHER, 1.0, 0.0] if top else [f, chance, SHARES[kind], ROUGHER, limit, limit]
+        )
     return np.array(law)
 
 
