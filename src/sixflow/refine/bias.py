@@ -120,6 +120,24 @@ def bias_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) -> 
     return bands_of(levels, windows, grid).seen
 
 
+def rules(bias: Array, covariance: Array) -> NDArray[np.bool_]:
+    """Points where what the window leaves out rules the error: u or v by more than noise is ever taken for an error.
+
+    Parameters
+    ----------
+    bias : array, shape (..., 6)
+    covariance : array, shape (..., 6, 6)
+
+    Examples
+    --------
+    >>> [bool(rules(np.full(6, 1e-4), np.eye(6) * noise)) for noise in (1e-4, 6e-6)]
+    [False, True]
+    """
+    noise = np.stack([covariance[..., k, k] for k in range(2)], axis=-1)
+    with np.errstate(invalid="ignore"):
+        return np.asarray((bias[..., :2] > normal_limit() ** 2 * noise).any(axis=-1))
+
+
 def bands_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) -> Bands:
     """Compare neighbouring windows (`bias_of`)."""
     count, shape = len(levels) - 1, (*grid.shape, 6)
