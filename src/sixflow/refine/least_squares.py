@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ from sixflow.prepare.frame import Frame
 from sixflow.refine.covariance import above_floor, covariance_of_pass, shrunk_noise, solution_of_pass
 from sixflow.refine.cut import uniform_windows
 from sixflow.refine.light import light_of_windows
+from sixflow.refine.likeness import coarseness, likeness, textured_area
 from sixflow.refine.moments import Moments, node_spacing
 from sixflow.refine.problem import Pass, PixelWeights, State
 from sixflow.refine.solution import Solution, WindowStatistics
@@ -119,7 +121,6 @@ class LeastSquares:
             degree=plan.degree,
             lowpass=plan.lowpass,
             central=self.central,
-            of_both=plan.lighting == "gain+offset",
         )
         self.floor = floor_of_windows(still, moved, grid, self.sigma)
         self.rounded = max(still.rounded, moved.rounded)
@@ -160,14 +161,18 @@ class LeastSquares:
         return LeastSquaresPass(
             start=swept.maps, maps=solution, update=update, statistics=self._statistics(sums, update),
             state=State(light, swept.state.weights), sums=sums, moments=swept.moments, images=swept.images,
-            total=swept.total, plane=swept.plane,
+            total=swept.total, plane=swept.plane, sigma=self.sigma,
         )  # fmt: skip
 
     def _sums(self, moments: Moments) -> WindowSums:
         """Window sums of moments about nodes that may be closer than this window needs."""
+        return window_sums(self._merged(moments), self.grid, self.sigma)
+
+    def _merged(self, moments: Moments) -> Moments:
+        """The same moments about no more nodes than this window needs."""
         while 2 * moments.lattice.spacing <= node_spacing(self.sigma):
             moments = moments.coarser()
-        return window_sums(moments, self.grid, self.sigma)
+        return moments
 
     def uniform(self, maps: Array, state: State) -> UniformWindow:
         """Return this window where the texture is uniform (`Problem.uniform`)."""
@@ -180,6 +185,7 @@ class LeastSquares:
         """Return the field that a last pass found (`Problem.solution`)."""
         assert isinstance(found, LeastSquaresPass)
         covariance, statistics = covariance_of_pass(self, found, sharpened=borne is not None)
+        statistics = dataclasses.replace(statistics, cells=self._cells(found))
         solution = solution_of_pass(self.plan, covariance, statistics, maps, left, borne)
         light = None if found.state.light is None else np.moveaxis(found.state.light, 0, -1)
         return solution.replace(light=light, pixels=found.state.weights)
@@ -200,6 +206,21 @@ class LeastSquares:
             GRID_STRIP,
         )
         return out
+
+    def _cells(self, found: LeastSquaresPass) -> Array:
+        """Independent cells of texture in every window."""
+        area = textured_area(self._merged(found.moments), found.sums, self.grid, self.sigma)
+        density = likeness(found.sums)[1] / self._coarseness
+        if not self.central:  # gradients are along the axes of the moved frame
+            density = density * np.abs(
+                (1 + found.start[2]) * (1 + found.start[5]) - found.start[3] * found.start[4]
+            )
+        with np.errstate(invalid="ignore"):
+            return np.asarray(area * density)
+
+    @cached_property
+    def _coarseness(self) -> float:
+        return coarseness(self.still.image, self.moved.image, self.sigma)
 
     def _solution(self, sums: WindowSums, swept: Swept) -> tuple[Array, Array]:
         """The solution of the normal equations, and the change of the motion that it makes."""
@@ -255,7 +276,11 @@ class LeastSquares:
             GRID_STRIP,
         )
         noise, lacking = above_floor(noise, self.floor)
-        return WindowStatistics(weight, noise, residual, left, noise_gradient, texture, rho, tail, lacking)
+        correlation, density = likeness(sums)
+        return WindowStatistics(
+            weight, noise, residual, left, noise_gradient, texture, rho, tail, lacking,
+            correlation=correlation, cells=4 * math.pi * self.sigma**2 * weight * density,
+        )  # fmt: skip
 
     def _gradient_noise(self, noise: Array, weight: Array) -> Array:
         """γ: what noise adds to Σ w g_x²."""
