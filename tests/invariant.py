@@ -38,7 +38,7 @@ ROUNDING, LATTICE, ARRAY = 0.01, 4 * 2**0.5 * 0.09, 1.4
 SHAPE, STEP = (97, 129), 8  # a grid that maps onto itself
 FOREIGN_SHAPE, FOREIGN_STEP = (96, 128), 5  # so do this one, and the tiles of 16 px that know the noise
 
-SETTINGS = {
+_SETTINGS = {
     "default": {},
     "middle": {"reference": "middle"},
     "second": {"reference": "second"},
@@ -50,12 +50,15 @@ SETTINGS = {
     "lowpass": {"lowpass": 0.7},
     "sharpen": {"sharpen": 2},
     "auto": {"window": "auto"},
+    "auto, middle": {"window": "auto", "reference": "middle"},
+    "auto, gain+offset": {"window": "auto", "lighting": "gain+offset"},
     "eigenfilter": {"method": "eigenfilter"},
     "middle, local, lowpass": {"reference": "middle", "lighting": "local", "lowpass": 0.7},
     "middle, gain+offset, sharpen": {"reference": "middle", "lighting": "gain+offset", "sharpen": 2},
     "second, local, eigenfilter": {"reference": "second", "lighting": "local", "method": "eigenfilter"},
     "return, replace": {"forward_backward": True, "replace_failed": True},
 }
+SETTINGS = {name: {"window": 31} | options for name, options in _SETTINGS.items()}
 CAMERAS = {
     "speckle": {},
     "dead": {"dead": 0.02},

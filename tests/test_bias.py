@@ -1,5 +1,7 @@
 """What windows leave out: in standard errors, averages, samples and files."""
 
+import shutil
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -103,6 +105,13 @@ def test_files_keep_it(tmp_path, suffix):
     old = open_field(write_field(made(None), tmp_path / f"old.{suffix}")).load()
     assert "bias" not in old
     np.testing.assert_allclose(old.sixflow.standard_error("u"), np.sqrt(VARIANCE[0]))
+
+
+def test_a_bias_that_is_missing_may_be_of_any_size(tmp_path):
+    """A copy of a store that was interrupted: that it was not estimated is another matter."""
+    path = write_field(made(), tmp_path / "field.zarr")
+    shutil.rmtree(path / "bias" / "c")
+    assert np.isinf(open_field(path).load().sixflow.standard_error("u")).all()
 
 
 def test_tables_tell_both(tmp_path):

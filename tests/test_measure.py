@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import measured
-from sixflow import Settings, measure
+from measured import measure
+from sixflow import Settings
 from sixflow.field.dataset import SIX
 from sixflow.synth import Affine, Sensor, Speckle, pair
 

@@ -7,7 +7,7 @@ from sixflow import InputError, Settings, measure, synth
 from sixflow.convention.flags import FAILING
 from sixflow.engine.window import attenuation_period, window_sigma
 from sixflow.plan import LADDER, SHARPEN, Plan, Window
-from sixflow.refine.resolution import difference_noise
+from sixflow.refine.bias import difference_noise
 
 SIDE = 192
 
@@ -71,12 +71,16 @@ def test_uniform_texture_and_motion_have_no_steps(uniform):
 
 
 def test_noise_of_a_difference():
-    assert difference_noise(1.0, SHARPEN) == (0.0, 0.0)
-    displacement, gradient = difference_noise(100.0, SHARPEN)
+    assert [f for f, _ in difference_noise(1.0, SHARPEN)] == [0.0, 0.0]
+    (displacement, _), (gradient, _) = difference_noise(100.0, SHARPEN)
     assert displacement == pytest.approx(1, abs=2e-3)
     assert gradient == pytest.approx(1, abs=1e-3)
-    steps = [difference_noise(ratio, SHARPEN) for ratio in (1.4, 2.0, 2.8, 4.0)]
+    steps = [[f for f, _ in difference_noise(ratio, SHARPEN)] for ratio in (1.4, 2.0, 2.8, 4.0)]
     assert (np.diff(steps, axis=0) > 0).all()
+    # plain windows in closed form: ∫(e^−x − e^−2x)² dx / ∫e^−2x dx, and with x
+    (displacement, _), (gradient, _) = difference_noise(2**0.5, 0)
+    assert displacement == pytest.approx(1 / 6, abs=1e-3)
+    assert gradient == pytest.approx((1 / 4 - 2 / 9 + 1 / 16) * 4, abs=1e-3)
 
 
 def test_ladder_fits_the_frame():

@@ -7,6 +7,7 @@ the affine cases of a set; every other public case has its own row.
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -135,7 +136,9 @@ def public(folder: str) -> Iterator[tuple[str, Maker]]:
     except CaseError:
         return
     for path in found:
-        yield name_of(path, root), lambda path=path: _read(path, root)
+        name = name_of(path, root)
+        affine = "affine" in json.loads((path / "case.json").read_text(encoding="utf-8"))
+        yield name if affine else f"{name}/pair", lambda path=path: _read(path, root)
 
 
 def _read(path: Path, root: Path) -> Scene:

@@ -141,14 +141,12 @@ class EigenfilterProblem:
         return uniform_windows(self.sweep, (self.sigma,), maps, state.light)[0]
 
     def solution(
-        self, found: Pass, maps: Real, left: Real, *, sharpened: bool = False, held: Real | None = None
+        self, found: Pass, maps: Real, left: Real, *, borne: NDArray[np.int_] | None = None
     ) -> Solution:
         """Return the field that a last pass found (`Problem.solution`)."""
         assert isinstance(found, EigenfilterPass)
-        covariance = self._covariance(found, self.plan.window.sharpen if sharpened else 0)
-        made = solution_of_pass(
-            self.plan, covariance, found.statistics, maps, left, sharpened=sharpened, held=held
-        )
+        covariance = self._covariance(found, self.plan.window.sharpen if borne is not None else 0)
+        made = solution_of_pass(self.plan, covariance, found.statistics, maps, left, borne)
         light = found.state.light
         return made if light is None else made.replace(light=np.moveaxis(light, 0, -1))
 

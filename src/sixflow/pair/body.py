@@ -31,7 +31,6 @@ from sixflow.prepare.lighting import Change
 from sixflow.prepare.tiles import Tiles
 from sixflow.refine.iterate import dense, refine
 from sixflow.refine.ladder import refine_ladder
-from sixflow.refine.problem import PixelWeights
 from sixflow.refine.resolution import choose
 from sixflow.refine.solution import Solution
 from sixflow.search.growth import Scene, extrapolated
@@ -133,7 +132,7 @@ class Body:
         if not windows:
             return self._measured(start, self.plan)
         if self.plan.method == "least_squares" and self.plan.group == "affine":
-            return self._on_ladder(start, found.pixels)
+            return self._on_ladder(found, start)
         levels: list[Solution] = []
         for window in reversed(windows):
             levels.insert(
@@ -145,12 +144,12 @@ class Body:
             start = settle(levels[0].known, self.grid.step, window.size)
         return choose(levels, windows, self.grid)
 
-    def _on_ladder(self, start: NDArray[Any], pixels: PixelWeights | None) -> Solution:
+    def _on_ladder(self, searched: Solution, start: NDArray[Any]) -> Solution:
         """Measure with all windows at once, choose at every point, and judge."""
         frames = self.still, self.moved
         if self.light is not None:
             frames = self.light.divided_out(*frames, start, self.plan.share)
-        found = refine_ladder(*frames, self.grid, self.plan, start, pixels)
+        found = refine_ladder(*frames, self.grid, self.plan, searched, start)
         middle = float(np.nanmedian(found.window))
         plan = self.plan.replace(window=Window(middle, self.plan.ladder[0].sharpen))
         flag = found.flag | judged(found, self.grid, self.asked, plan).flag
@@ -161,7 +160,9 @@ class Body:
         frames = self.still, self.moved
         if self.light is not None:
             frames = self.light.divided_out(*frames, start, plan.share)
-        found = refine(problem_of(*frames, self.grid, plan), start, sharpened=sharpened)
+        found = refine(
+            problem_of(*frames, self.grid, plan), start, sharpened=sharpened, bias=not self.plan.ladder
+        )
         flag = judged(self._dense(found), self.grid, self.asked, plan).flag
         return found.replace(flag=flag)
 
