@@ -61,6 +61,7 @@ def notes_of_camera(
     if share is not None:
         notes += (
             f"{pair_of_frames}: part of the picture stands still while the rest moves: a fixed pattern of the camera, "
-            "reflections or a static layer, or particles finer than the pixels; motion may be pulled towards it",
+            "reflections or a static layer, or particles finer than the pixels; motion may be pulled towards it; "
+            "of a recording, fixed_pattern=True takes out what all frames have in common",
         )
     return notes

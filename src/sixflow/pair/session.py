@@ -28,6 +28,7 @@ from sixflow.pair.unmeasured import repeated
 from sixflow.plan import Plan
 from sixflow.prepare.image import Grey, check_frame, range_of, require_contrast
 from sixflow.prepare.interlacing import InterlacingCheck
+from sixflow.prepare.pattern import FixedPattern
 from sixflow.prepare.prepare import Prepared, prepare_frame, prepare_pair
 from sixflow.search.guess import Guess, is_stored_in_settings, maps_of_guess
 from sixflow.settings import Settings
@@ -72,6 +73,7 @@ class Session:
         self.region: NDArray[np.bool_] | None = None
         self.grey = Grey(0.0, 1.0, np.float32)
         self.interlacing = InterlacingCheck()
+        self.pattern: FixedPattern | None = None
         self._within: tuple[Bodies | None, Bodies] | None = None
 
     @property
@@ -112,7 +114,7 @@ class Session:
             )
         return prepare_frame(
             array, name, self.bodies_of(bodies), self.grey,
-            floor=self.floor, interlacing=self.interlacing, lasting=lasting,
+            floor=self.floor, interlacing=self.interlacing, lasting=lasting, pattern=self.pattern,
         )  # fmt: skip
 
     def bodies_of(self, mask: AnyBodies) -> Bodies | None:

@@ -38,6 +38,7 @@ from sixflow.prepare.image import Grey, to_image, within_range
 from sixflow.prepare.interlacing import InterlacingCheck
 from sixflow.prepare.lighting import Change
 from sixflow.prepare.nodata import continued, within_region, without_blanks
+from sixflow.prepare.pattern import FixedPattern
 from sixflow.prepare.tiles import SIDE, Tiles
 
 
@@ -91,6 +92,7 @@ def prepare_frame(
     floor: Floor,
     interlacing: InterlacingCheck,
     lasting: bool,
+    pattern: FixedPattern | None = None,
 ) -> Prepared:
     """Prepare a frame by itself.
 
@@ -108,6 +110,8 @@ def prepare_frame(
     interlacing : InterlacingCheck
     lasting : bool
         The raw frame stays as it is until the pair is measured.
+    pattern : FixedPattern, optional
+        Taken out of the image.
 
     Raises
     ------
@@ -117,6 +121,8 @@ def prepare_frame(
     digest = beside(lambda: hashlib.sha256(np.ascontiguousarray(array).data).digest())
     inside = region_of(bodies)
     image, valid = to_image(array, grey)
+    if pattern is not None:
+        image -= (pattern.grey * grey.scale).astype(image.dtype)
     if valid.size and not valid.any():
         raise BadFrameError(f"{name} has no pixel of a size that can be computed with; scale its grey values")
     notes = _note_of_missing(name, valid, inside)
