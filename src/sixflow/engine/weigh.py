@@ -2,7 +2,7 @@
 
 A pixel's residual r is compared with the typical one around it,
 
-    s² = s₀² + (e |g|)²,      t = |r| / s,      ω = 1 for t ≤ 3.5, 0 for t ≥ 5, (25 − t²)/(25 − 3.5²) between,
+    s² = s₀² + (e |g|)² + (b D)²,      t = |r| / s,      ω = 1 for t ≤ 3.5, 0 for t ≥ 5, (25 − t²)/(25 − 3.5²) between,
 
 and the least weight of the pixel and its eight neighbours counts, because what does not belong there, an unmatched
 particle or a glint, is larger than a pixel. Gaussian noise keeps 0.995 of its weight.
@@ -10,11 +10,14 @@ particle or a glint, is larger than a pixel. Gaussian noise keeps 0.995 of its w
 | symbol | meaning |
 |---|---|
 | r, g | residual and gradient of `warp` |
-| s₀, e | noise, and displacement that the fit leaves, px: `scales` |
+| D | ∣I₀ + r/2 − m∣, brightness above the background m |
+| s₀, e, b, m | noise, displacement that the fit leaves, px, share by which brightness changes, background: `scales` |
 
 Of Gaussian noise 6e-7 is beyond 5 s. To leave out all pixels in doubt as well, beyond 3.5 s, would find no more of what
 is outlying, and cut into motions that are not resolved. The second term of s is what keeps the fit linear: where
-windows do not resolve the motion, steep pixels have large residuals, all of them, and none is an outlier.
+windows do not resolve the motion, steep pixels have large residuals, all of them, and none is an outlier. The third is
+what keeps it linear where particles fade and flicker: bright pixels have large residuals then, and to leave them out
+would cut particle images into parts, of which each alone tells a motion that the whole does not.
 
 The estimate is an M-estimate with ψ = ω r. Its covariance is the sandwich with Σ w ψ' J Jᵀ for bread, not Σ w ω J Jᵀ,
 and where ω falls ψ' is below ω by (2 t²)/(5² − 3.5²): pixels that are neither in nor out add noise. `weighing_noise`
@@ -48,6 +51,8 @@ Gaussian noise.
 """
 ALIKE = 3
 """Independent pixels among a pixel and its eight neighbours, at least."""
+_ROUNDS = 2
+"""Times that weights are found from one residual: scales without the pixels that the first time left out."""
 _STRIP = 64
 
 
@@ -61,27 +66,30 @@ def _between(position: float, count: int) -> tuple[int, int, float]:
 
 @kernel
 def raw_weights_strip(
-    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], scales: NDArray[Any],
-    start: int, stop: int, weight: NDArray[Any],
+    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], still: NDArray[Any],
+    scales: NDArray[Any], start: int, stop: int, weight: NDArray[Any],
 ) -> None:  # fmt: skip
     """ω of every pixel by itself, rows start … stop; 1 where a pixel has no partner.
 
-    `scales` is (2, tile rows, tile columns), without NaN.
+    `scales` is (4, tile rows, tile columns), from `scales_of`.
     """
     width = residual.shape[1]
     one, zero = residual.dtype.type(1), residual.dtype.type(0)
-    line = np.empty((2, scales.shape[2]))
+    line = np.empty((4, scales.shape[2]))
     for y in range(start, stop):
         above, below, f = _between(y, scales.shape[1])
-        for k in range(2):
+        for k in range(4):
             for i in range(scales.shape[2]):
                 line[k, i] = (1 - f) * scales[k, above, i] + f * scales[k, below, i]
-        r, gx, gy, out = residual[y], gradient_x[y], gradient_y[y], weight[y]
+        r, gx, gy, grey, out = residual[y], gradient_x[y], gradient_y[y], still[y], weight[y]
         for x in range(width):
             left, right, h = _between(x, scales.shape[2])
             noise = (1 - h) * line[0, left] + h * line[0, right]
             misfit = (1 - h) * line[1, left] + h * line[1, right]
+            change = (1 - h) * line[2, left] + h * line[2, right]
+            bright = grey[x] + r[x] / 2 - ((1 - h) * line[3, left] + h * line[3, right])
             allowed = noise * noise + misfit * misfit * (gx[x] * gx[x] + gy[x] * gy[x])
+            allowed += change * change * bright * bright
             square = r[x] * r[x]
             if not square > FULL * FULL * allowed:
                 out[x] = one
@@ -148,9 +156,14 @@ def find_weights(
     weight : array, shape (height, width)
         ω as found before, 1 to begin with. Receives ω; 1 where a pixel has no partner.
     """
-    allowed = scales_of(residual, gradient_x, gradient_y, still, weight)
     height = residual.shape[0]
-    over_strips(
-        lambda a, b: raw_weights_strip(residual, gradient_x, gradient_y, allowed, a, b, raw), height, _STRIP
-    )
-    over_strips(lambda a, b: spread_strip(raw, a, b, weight), height, _STRIP)
+    for _ in range(_ROUNDS):
+        scales = scales_of(residual, gradient_x, gradient_y, still, weight)
+        over_strips(
+            lambda a, b, scales=scales: raw_weights_strip(  # type: ignore[misc]
+                residual, gradient_x, gradient_y, still, scales, a, b, raw
+            ),
+            height,
+            _STRIP,
+        )
+        over_strips(lambda a, b: spread_strip(raw, a, b, weight), height, _STRIP)
