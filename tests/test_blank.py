@@ -52,15 +52,53 @@ def test_what_is_no_fill():
     noise = flat + np.random.default_rng(0).normal(0, 1, SHAPE)
     blob = still.copy()
     blob[:6, 40:52] = 255
-    framed = [np.pad(frame[8:-8, 8:-8], 8, constant_values=255) for frame in (still, moved)]
     for one, other in (
-        (still, moved), particles, on_black, (flat, noise), (blob, moved), framed,
+        (still, moved), particles, on_black, (flat, noise), (blob, moved),
         (np.where(still > 128, 255, 0), np.where(moved > 128, 255, 0)),
     ):  # fmt: skip
         assert blank(np.asarray(one), np.asarray(other)) is None
         assert blank(np.asarray(other), np.asarray(one)) is None
     frame = Frame(still.astype(np.float32), NO_MASK)
     assert without_blanks(frame, frame) == (frame, frame, (0, 0))
+
+
+def rims():
+    """Where two frames have no pixel values: a frame around, corners, one corner, a strip."""
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    return {
+        "around": (np.minimum(x, y) < 8) | (np.maximum(x, y) > 151),
+        "corners": (x + y < 60) | (x - y > 90) | (y - x > 110),
+        "one corner": x + y < 40,
+        "strip": y > 140,
+    }
+
+
+@pytest.mark.parametrize("value", [0, 77, 255])
+@pytest.mark.parametrize("where", rims())
+def test_a_rim_that_both_frames_have(where, value):
+    frames, rim = made(), rims()[where]
+    both = [np.where(rim, value, frame) for frame in (frames.frame0, frames.frame1)]
+    for one, other in (both, both[::-1]):
+        found = blank(one, other)
+        # pixels of the pattern that touch the rim and have its value belong to it
+        assert found[rim].all()
+        assert (found & ~rim).sum() < 10
+    unlike = [both[0], np.where(rim, 255 - value, frames.frame1)]
+    assert blank(*unlike)[rim].all()
+
+
+def test_points_beside_a_rim_that_both_frames_have():
+    motion = Affine.translation(1.5, -0.7)
+    frames = pair(Speckle(seed=0), motion, SHAPE, sensor=Sensor(noise=2, seed=3, bits=8))
+    rim = rims()["corners"]
+    field = measure(*(np.where(rim, 0, frame) for frame in (frames.frame0, frames.frame1)))
+    flagged = measured.flagged(field, "masked")
+    outside = rim[np.ix_(field.y.values, field.x.values)]
+    assert flagged[outside].all()
+    assert not flagged[~outside].any()
+    failed = measured.failed(field)
+    standardised = (measured.errors(field, frames) / measured.standard_errors(field))[~failed]
+    assert np.abs(standardised).max() < 5
 
 
 def naive_continued(image, valid, distance):

@@ -19,7 +19,7 @@ from sixflow.convention import six_from_gradient
 from sixflow.drawing.look import FAILED_FACE, MASKED_FACE, new_figure, power_of_ten, signed_limit, with_power
 from sixflow.drawing.saving import save_figure
 from sixflow.errors import FieldFileError, InputError
-from sixflow.field.dataset import SIX
+from sixflow.field.dataset import FLAGS, SIX
 from sixflow.plot import plot_arrows, plot_field, plot_glyphs, plot_map
 from test_accessor import make_field, rotation, spoil
 
@@ -84,7 +84,8 @@ def test_the_whole_figure(field: xr.Dataset, frame: Array, units: Any, y_up: boo
         assert titles[8:10] == ["vorticity (1/s)", "standard error of vorticity (1/s)"]
         assert figure.axes[0].get_xlabel() == "x (mm)"
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels[:2] == ["masked", "failed"]
+    assert labels[0] == "masked"
+    assert labels[1].startswith("failed (")
 
 
 def test_without_standard_errors_covariance_flags_and_frame_shape(field: xr.Dataset) -> None:
@@ -94,6 +95,22 @@ def test_without_standard_errors_covariance_flags_and_frame_shape(field: xr.Data
     figure = plot_field(bare)
     draw(figure)
     assert len(figure.axes) == 8
+
+
+def test_legend_tells_why_points_failed_and_which_are_unresolved(field: xr.Dataset, ax: Axes) -> None:
+    flag = field.flag.copy()
+    bits = flag.values
+    bits[bits != 0] = FLAGS["masked"]
+    bits[0, 2:4, 2:4] = FLAGS["ambiguous"]
+    bits[0, 5, 5] = FLAGS["unmatched"]
+    bits[0, 6:8, 6:8] = FLAGS["unresolved"]
+    figure = plot_field(field.assign(flag=flag))
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "failed (ambiguous, unmatched)" in labels
+    assert "unresolved" in labels
+    plot_map(field.assign(flag=flag), "u", ax)
+    patches = [child for child in ax.get_children() if isinstance(child, PathPatch)]
+    assert patches[-1].get_facecolor()[3] == 0  # the number shows
 
 
 @pytest.mark.parametrize("suffix", ["png", "pdf", "svg"])

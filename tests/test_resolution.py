@@ -7,7 +7,7 @@ from sixflow import InputError, Settings, measure, synth
 from sixflow.convention.flags import FAILING
 from sixflow.engine.window import attenuation_period, window_sigma
 from sixflow.plan import LADDER, SHARPEN, Plan, Window
-from sixflow.refine.resolution import difference_noise
+from sixflow.refine.bias import difference_noise
 
 SIDE = 192
 
@@ -56,7 +56,7 @@ def test_resolution_is_said(vortices):
     assert field.attrs["attenuation_period_10"] == pytest.approx(np.median(inside))
     assert field.resolution.dims == ("time", "y", "x")
     assert field.resolution.attrs["units"] == "px"
-    plain = measure(vortices.frame0, vortices.frame1, sharpen=1)
+    plain = measure(vortices.frame0, vortices.frame1, window=31, sharpen=1)
     known = plain.resolution.values[np.isfinite(plain.u.values)]
     sharpened, held = (attenuation_period(window_sigma(31), n) for n in (1, 0))
     assert np.isclose(known, sharpened).mean() > 0.98  # but at a few points with cut windows
@@ -71,12 +71,16 @@ def test_uniform_texture_and_motion_have_no_steps(uniform):
 
 
 def test_noise_of_a_difference():
-    assert difference_noise(1.0, SHARPEN) == (0.0, 0.0)
-    displacement, gradient = difference_noise(100.0, SHARPEN)
+    assert [f for f, _ in difference_noise(1.0, SHARPEN)] == [0.0, 0.0]
+    (displacement, _), (gradient, _) = difference_noise(100.0, SHARPEN)
     assert displacement == pytest.approx(1, abs=2e-3)
     assert gradient == pytest.approx(1, abs=1e-3)
-    steps = [difference_noise(ratio, SHARPEN) for ratio in (1.4, 2.0, 2.8, 4.0)]
+    steps = [[f for f, _ in difference_noise(ratio, SHARPEN)] for ratio in (1.4, 2.0, 2.8, 4.0)]
     assert (np.diff(steps, axis=0) > 0).all()
+    # plain windows in closed form: ∫(e^−x − e^−2x)² dx / ∫e^−2x dx, and with x
+    (displacement, _), (gradient, _) = difference_noise(2**0.5, 0)
+    assert displacement == pytest.approx(1 / 6, abs=1e-3)
+    assert gradient == pytest.approx((1 / 4 - 2 / 9 + 1 / 16) * 4, abs=1e-3)
 
 
 def test_ladder_fits_the_frame():
@@ -94,10 +98,27 @@ def test_ladder_fits_the_frame():
         Plan.of(Settings(window=25), (20, 512))
 
 
-@pytest.mark.parametrize("options", [{"method": "eigenfilter"}, {"group": "similarity"}])
-def test_what_it_does_not_go_with(options):
-    with pytest.raises(InputError, match="window='auto': needs method='least_squares' and group='affine'"):
-        Settings(window="auto", **options)
+@pytest.mark.parametrize(
+    ("options", "windows", "sharpen"),
+    [
+        ({"method": "eigenfilter"}, [31, 44, 62], SHARPEN),
+        ({"group": "similarity"}, list(LADDER), 0),
+        ({"method": "eigenfilter", "group": "translation"}, [31, 44, 62], 0),
+    ],
+)
+def test_other_methods_have_ladders_too(options, windows, sharpen):
+    plan = Plan.of(Settings(window="auto", **options), (200, 200))
+    assert plan.ladder == tuple(Window(size, sharpen) for size in windows)
+
+
+@pytest.mark.parametrize("options", [{"method": "eigenfilter"}, {"group": "translation"}])
+def test_other_methods_choose_too(options, uniform):
+    frames = uniform.frame0[:96, :96], uniform.frame1[:96, :96]
+    field = measure(*frames, window="auto", **options)
+    error = np.stack([field.u.values[0] - 1.3, field.v.values[0] + 0.4])
+    fixed = measure(*frames, window=31, **options)
+    assert np.isfinite(error).mean() > 0.97
+    assert np.sqrt(np.nanmean(error**2)) < np.sqrt(np.nanmean((fixed.u.values[0] - 1.3) ** 2))
 
 
 def test_other_words():

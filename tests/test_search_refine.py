@@ -12,7 +12,7 @@ from sixflow.prepare.frame import NO_MASK, Frame
 from sixflow.refine.iterate import refine, with_pixel_weights
 from sixflow.refine.least_squares import LeastSquares
 from sixflow.refine.problem import State
-from sixflow.refine.sharpen import UniformWindow
+from sixflow.refine.uniform import LatticeWindow
 from sixflow.search.pyramid import finer, level_count, pyramid
 from sixflow.synth import Affine, Sensor, Speckle, pair
 from solved import passes, plan_of
@@ -211,7 +211,7 @@ def test_uniform_window_is_the_affine_fit_of_the_blend():
     counted = np.random.default_rng(1).random((40, 50)) > 0.2
     counted[:, 37:] = False
     maps = np.random.default_rng(2).normal(size=(6, *grid.shape))
-    fitted = UniformWindow(grid, sigma, counted).fit(maps)
+    fitted = LatticeWindow(grid, sigma, counted).fit(maps)
     dense = naive.blend(maps, grid.origin_and_step, (40, 50))
     for x, y in [(0, 0), (20, 20), (39, 10), (49, 39), (41, 20)]:
         for k in range(2):
@@ -230,7 +230,7 @@ def test_uniform_window_answers_waves_by_theory(period, sharpen):
     x = np.broadcast_to(grid.x, grid.shape).astype(float)
     zero = np.zeros(grid.shape)
     maps = np.stack([np.cos(k * x), zero, -k * np.sin(k * x), zero, zero, zero])
-    window = UniformWindow(grid, sigma, np.ones((61, 400), bool))
+    window = LatticeWindow(grid, sigma, np.ones((61, 400), bool))
     M = np.exp(-((k * sigma) ** 2) / 2)
     answered = window.deconvolve(window.fit(maps), sharpen)[..., 30:-30]
     # where the borders, which reach further in with every fit, are far; cutting the window at 3.5 σ leaves 0.002

@@ -31,7 +31,7 @@ def truth(made, field):
     return made.truth(x, y, int(field.frame0[0]), int(field.frame1[0]))
 
 
-def affine_motion(grid, plane, flag=0, spread=1e-4):
+def affine_motion(grid, plane, flag=0, spread=1e-4, bias=np.nan):
     """An affine motion on a grid, as a step."""
     from sixflow.convention import SIX_FROM_GRADIENT
 
@@ -39,7 +39,8 @@ def affine_motion(grid, plane, flag=0, spread=1e-4):
     covariance = np.broadcast_to(spread * np.diag([1, 1, 0.01, 0.01, 0.01, 0.01]), (*grid.shape, 6, 6)).copy()
     flags = np.full(grid.shape, flag, np.uint16)
     same = np.ones(grid.shape)
-    return Motion(six, covariance, covariance / 2, flags, same, same, None)
+    biases = np.full((*grid.shape, 6), bias)
+    return Motion(six, covariance, covariance / 2, flags, same, same, None, biases)
 
 
 def test_affine_steps_join_exactly():
@@ -69,6 +70,18 @@ def test_equal_steps_do_not_walk_at_random():
     assert kept.sum() > 30
     kept[-1] = kept[:, -1] = False  # beyond the outermost points maps are extended
     np.testing.assert_allclose(motion.covariance[kept], step.covariance[kept], rtol=1e-3, atol=1e-12)
+
+
+def test_biases_of_steps_add_up():
+    """What windows leave out is alike in all steps: its size grows with their number, not with the root of it."""
+    grid = Grid.over((64, 64), 8)
+    step = affine_motion(grid, (0.5, 0.5, 0, 0, 0, 0), bias=0.01)
+    motion = composed(composed(step, step, grid, (64, 64)), step, grid, (64, 64))
+    kept = motion.valid
+    kept[-1] = kept[:, -1] = False
+    np.testing.assert_allclose(motion.bias[kept], 9 * 0.01, rtol=1e-6)
+    unknown = composed(affine_motion(grid, (0.5, 0.5, 0, 0, 0, 0)), step, grid, (64, 64))
+    np.testing.assert_allclose(unknown.bias[unknown.valid & kept], 0.01, rtol=1e-6)
 
 
 def test_a_lost_point_stays_lost():

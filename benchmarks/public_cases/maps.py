@@ -20,7 +20,7 @@ from sixflow.drawing.look import FAILED_FACE, FONT, INK, MASKED_FACE, new_figure
 from sixflow.plot.view import cell_edges
 
 LIMITS = (1e-3, 1.0)  # px
-LEFT_OUT = ("sharpen=2", "sharpen=5")
+LEFT_OUT = ("window=31, sharpen=2", "window=31, sharpen=5")
 MOST_PEERS = 3
 WIDTH, BAR = 7.6, 0.75  # inches
 DOT = "#ff5a36"

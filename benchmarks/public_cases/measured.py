@@ -40,8 +40,6 @@ class Measured:
         The field stands on the middle frame's grid, not on frame 0's.
     seconds : float
         Time of the call.
-    sigma, sharpen : float, int
-        Gaussian window and sharpening, where the method has them; for what the window cannot resolve.
     """
 
     x: Array
@@ -51,8 +49,6 @@ class Measured:
     complete: NDArray[np.bool_]
     middle: bool
     seconds: float
-    sigma: float = 0.0
-    sharpen: int = 0
 
     @property
     def given(self) -> NDArray[np.bool_]:

@@ -3,7 +3,7 @@
 | column | settings |
 |---|---|
 | default | none: `measure(frame0, frame1)` |
-| sharpen=2, sharpen=5 | that one |
+| window=31, alone and with sharpen=2, 5 | one window for all points |
 | eigenfilter | `method="eigenfilter"` |
 | by experiment | `BY_EXPERIMENT`, chosen by what was recorded, not by what came out |
 | uniform strain | `UNIFORM_STRAIN`, for specimens that are sheared, stretched or moved as a whole |
@@ -27,9 +27,7 @@ import sixflow
 from public_cases.case import Case
 from public_cases.measured import STEP, Measured
 from sixflow.convention import SIX
-from sixflow.engine.window import window_sigma
 from sixflow.errors import InputError
-from sixflow.plan import SHARPEN
 
 BY_EXPERIMENT: dict[str, dict[str, Any]] = {
     "PIV": {"window": "auto"},
@@ -38,8 +36,9 @@ BY_EXPERIMENT: dict[str, dict[str, Any]] = {
 }
 COLUMNS: dict[str, dict[str, Any]] = {
     "default": {},
-    "sharpen=2": {"sharpen": 2},
-    "sharpen=5": {"sharpen": 5},
+    "window=31": {"window": 31},
+    "window=31, sharpen=2": {"window": 31, "sharpen": 2},
+    "window=31, sharpen=5": {"window": 31, "sharpen": 5},
     "eigenfilter": {"method": "eigenfilter"},
 }
 UNIFORM = "uniform strain"
@@ -75,8 +74,7 @@ def measure_ours(case: Case, options: dict[str, Any]) -> Measured | None:
     except InputError:
         return None
     seconds = time.perf_counter() - begin
-    covariance = field.covariance.values[0].astype(float)
-    error = np.sqrt(np.moveaxis(np.diagonal(covariance, axis1=-2, axis2=-1), -1, 0))
+    error = np.stack([field.sixflow.standard_error(name).values[0].astype(float) for name in SIX])
     used = json.loads(field.attrs["settings"])
     return Measured(
         field.x.values,
@@ -86,8 +84,6 @@ def measure_ours(case: Case, options: dict[str, Any]) -> Measured | None:
         field.flag.values[0] == 0,
         used.get("reference", "first") == "middle",
         seconds,
-        window_sigma(field.attrs["effective_window"]),
-        used["sharpen"] or (SHARPEN if used["window"] == "auto" else 0),
     )
 
 

@@ -9,14 +9,16 @@ from typing import Any
 from numpy.typing import NDArray
 
 from public_cases.case import Case
-from public_cases.coverage import spreads
+from public_cases.coverage import Coverage, coverage
 from public_cases.edges import EdgeScores, edge_scores
 from public_cases.measured import Measured
 from public_cases.ours import measure_ours, settings_of
 from public_cases.scores import Comparison, Scores, compare, score, textured_pixels
 from public_cases.star import Resolution, is_star, resolutions
 
-STAR_COLUMNS: dict[str, dict[str, Any]] = {"sharpen=4": {"sharpen": 4}, "sharpen=8": {"sharpen": 8}}
+STAR_COLUMNS: dict[str, dict[str, Any]] = {
+    f"window=31, sharpen={n}": {"window": 31, "sharpen": n} for n in (4, 8)
+}
 """More of ours on the star alone, which shows what sharpening is worth."""
 
 
@@ -26,7 +28,7 @@ class Entry:
 
     comparison: Comparison
     scores: Scores
-    spreads: NDArray[Any]
+    coverage: Coverage | None
     edges: EdgeScores | None
     star: tuple[Resolution, Resolution] | None
 
@@ -61,7 +63,7 @@ def _entry(case: Case, measured: Measured, texture: NDArray[Any]) -> Entry:
     return Entry(
         comparison,
         score(comparison),
-        spreads(case, comparison),
+        coverage(comparison),
         edge_scores(case, comparison) if case.experiment == "vision" else None,
         resolutions(comparison, case.truth.v) if is_star(case.name) else None,
     )

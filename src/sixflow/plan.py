@@ -24,7 +24,10 @@ LADDER = (8, 11, 16, 22, 31, 44, 62)
 SEARCHED = 31
 """px: the window that large motion is searched with where `window="auto"`."""
 SHARPEN = 2
-"""Sharpening of the windows of `window="auto"`, where the settings ask for none."""
+"""Sharpening of the windows of `window="auto"`, where the settings ask for none; a smaller group than the affine has
+none."""
+OPERATORS = 31
+"""px: the finest window of `window="auto"` for operators, whose kernels have to fit into it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,11 +126,14 @@ class Plan:
         """
         sharpen, ladder = settings.sharpen, tuple[Window, ...]()
         if settings.window == "auto":
-            sharpen = sharpen or SHARPEN
-            ladder = tuple(Window(size, sharpen) for size in LADDER if 2 * size <= min(shape))
-            ladder = ladder or (Window(LADDER[0], sharpen),)
+            sharpen = sharpen or (SHARPEN if settings.group == "affine" else 0)
+            finest = LADDER[0] if settings.method == "least_squares" else OPERATORS
+            ladder = tuple(
+                Window(size, sharpen) for size in LADDER if finest <= size and 2 * size <= min(shape)
+            )
             fitting = [size for size in LADDER if size <= min(min(shape), SEARCHED)]
             window = Window(max(fitting, default=LADDER[0]))
+            ladder = ladder or (Window(window.size, sharpen),)
         else:
             window = Window(settings.window, sharpen)
         if min(shape) < window.size:

@@ -40,6 +40,8 @@ class Tally:
             self.flags[name] += int(np.count_nonzero(flag & bit))
         self.notes.update(dict.fromkeys(field.attrs["notes"].splitlines()))
         variances = np.diagonal(field["covariance"].values, axis1=-2, axis2=-1)[known]
+        if "bias" in field:
+            variances = variances + np.nan_to_num(field["bias"].values, posinf=np.inf)[known]
         if variances.size:
             self._errors.append(np.median(np.sqrt(variances), axis=0))
 

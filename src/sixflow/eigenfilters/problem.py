@@ -46,6 +46,7 @@ from sixflow.refine.light import light_of_images
 from sixflow.refine.problem import Pass, State
 from sixflow.refine.solution import Solution, WindowStatistics
 from sixflow.refine.sweep import Sweep, mean_plane
+from sixflow.refine.uniform import UniformWindow, uniform_windows
 from sixflow.refine.windows import image_sums
 
 _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2), (2, 1), (1, 2), (2, -1), (1, -2))
@@ -135,9 +136,9 @@ class EigenfilterProblem:
             equations=equations, normal=normal,
         )  # fmt: skip
 
-    def counted(self, maps: Real, state: State) -> NDArray[np.bool_]:
-        """Pixels that have a partner (`Problem.counted`)."""
-        return np.isfinite(self.sweep.images(maps, light=state.light).residual)
+    def uniform(self, maps: Real, state: State) -> UniformWindow:
+        """Return this window where the texture is uniform (`Problem.uniform`)."""
+        return uniform_windows(self.sweep, (self.sigma,), maps, state.light)[0]
 
     def solution(
         self, found: Pass, maps: Real, left: Real, *, sharpened: bool = False, held: Real | None = None

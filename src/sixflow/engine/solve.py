@@ -39,7 +39,7 @@ FEEDBACK_STEP = 0.01
 
 
 @kernel
-def _assemble(moments: NDArray[Any], j: int, first: int, matrix: NDArray[Any]) -> None:
+def assemble(moments: NDArray[Any], j: int, first: int, matrix: NDArray[Any]) -> None:
     """6×6 matrices Σ w f ⊗ (1, X, Y)(1, X, Y)ᵀ of LANES points from their 18 moments of g_x², g_x g_y, g_y².
 
     `moments` is (rows, columns, ≥ 18); lanes beyond the last column repeat it. `matrix` is (6, 6,
@@ -63,7 +63,7 @@ def _assemble(moments: NDArray[Any], j: int, first: int, matrix: NDArray[Any]) -
 
 
 def normal_matrices(moments: NDArray[Any]) -> NDArray[np.float64]:
-    """The 6×6 matrices of (rows, columns, ≥ 18) moments, as `_assemble` makes them; (rows, columns, 6, 6)."""
+    """The 6×6 matrices of (rows, columns, ≥ 18) moments, as `assemble` makes them; (rows, columns, 6, 6)."""
     order = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
     a, b, c = (moments[..., 6 * block + order].astype(np.float64) for block in range(3))
     return np.concatenate([np.concatenate([a, b], axis=-1), np.concatenate([b, c], axis=-1)], axis=-2)
@@ -130,7 +130,7 @@ def solve_strip(moments: NDArray[Any], sigma: float, start: int, stop: int, out:
     columns = moments.shape[1]
     for j in range(start, stop):
         for first in range(0, columns, LANES):
-            _assemble(moments, j, first, matrix)
+            assemble(moments, j, first, matrix)
             for lane in range(LANES):
                 m = moments[j, min(first + lane, columns - 1)]
                 for k in range(6):
@@ -287,8 +287,8 @@ def covariance_strip(
     columns = moments.shape[1]
     for j in range(start, stop):
         for first in range(0, columns, LANES):
-            _assemble(moments, j, first, full)
-            _assemble(sandwich, j, first, meat)
+            assemble(moments, j, first, full)
+            assemble(sandwich, j, first, meat)
             for k in range(6):
                 for n in range(k + 1, 6):
                     upper, lower = meat[k, n], meat[n, k]

@@ -69,8 +69,10 @@ STATISTICS = (
 """Products of lines: of g and q; of r g; of 1, |r|, I₀ and I₁."""
 OF_REFERENCE = 5
 """How many of the statistics, from the first, need no I₁."""
+ON_GRADIENTS = ((_RX, _RX), (_RY, _RY))
+"""Products of r g, for the residual's power where the gradient is."""
 
-NORMAL_RANKS, SANDWICH_RANKS = (3, 2, 0), (3, 0, 0)
+NORMAL_RANKS, SANDWICH_RANKS, POWER_RANKS = (3, 2, 0), (3, 0, 0), (0, 0, 2)
 
 
 class Pair(NamedTuple):
@@ -271,7 +273,7 @@ def moment_strip(
         Of the rows of the part.
     weight : array of their shape, or (0, 0) for 1 everywhere
     recipes : three Cells
-        `NORMAL`, `STATISTICS` and `SANDWICH`.
+        `NORMAL`, `STATISTICS` and `SANDWICH` or `ON_GRADIENTS`.
     part : Part
     sums : three arrays, shape (node rows, planes · nodes)
         Added to, in the node rows of the part but the last; the third may be of size 0, for no sandwich.

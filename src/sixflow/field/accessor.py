@@ -21,8 +21,8 @@ from sixflow.field.physical import to_physical
 class SixflowAccessor:
     """Derived quantities, standard errors, interpolation and units of a field.
 
-    Tensors have the dims (..., i, j) labelled "x", "y": `field.sixflow.hencky.sel(i="x", j="y")`. Where a
-    quantity does not exist, or the point has no numbers, it is NaN.
+    Tensors have the dims (..., i, j) labelled "x", "y": `field.sixflow.hencky.sel(i="x", j="y")`. What does not exist,
+    or is of a point without numbers, is NaN.
 
     Raises
     ------
@@ -158,31 +158,32 @@ class SixflowAccessor:
 
     # Errors
 
-    def standard_error(self, name: str) -> xr.DataArray:
-        """Standard error of one of the six or of a derived quantity, from the covariance, to first order.
+    def standard_error(self, name: str, *, noise_only: bool = False) -> xr.DataArray:
+        """Standard error of one of the six or of a derived quantity, to first order: of noise and bias together.
 
         Parameters
         ----------
         name : str
             One of the six, the name of a property of this accessor, or a measure with "_principal_values",
             "_principal_angle" or "_max_shear" appended, such as "hencky_max_shear".
+        noise_only : bool
+            From `covariance` alone, without `bias`: what repeating the measurement shows.
 
         Returns
         -------
         DataArray
-            Dims and unit of the quantity. NaN where the quantity has no derivative, such as the principal
-            angle of an isotropic tensor.
+            Dims and unit of the quantity. NaN where it has no derivative, as the angle of an isotropic tensor.
 
         Raises
         ------
         InputError
             If there is no such quantity, or the field has no covariance (a dense field has none).
         """
-        return derived_error(self._field, name)
+        return derived_error(self._field, name, noise_only=noise_only)
 
     @property
     def standard_errors(self) -> xr.Dataset:
-        """Standard errors of the six and of every derived quantity, under the names of the quantities."""
+        """Standard errors, of noise and bias, of the six and of every derived quantity, under their names."""
         return xr.Dataset({name: derived_error(self._field, name) for name in (*SIX, *DERIVED)})
 
     # Points
@@ -216,8 +217,7 @@ class SixflowAccessor:
         Returns
         -------
         Dataset
-            The six over y = 0 … height−1 and x = 0 … width−1. It has no covariance, but this accessor too. InputError
-            if the attribute frame_shape is missing.
+            The six over y = 0 … height−1 and x = 0 … width−1, without covariance. InputError if frame_shape is missing.
         """
         return sampling.dense(self._field)
 

@@ -14,8 +14,10 @@ many there are.
 
 A frame that is moved in one pair and reference in the next errs against itself, so that in consecutive pairs most of
 the noise cancels: as long as the motion is small beside the window, the variance of their mean is nearer to C/N² than
-to C/N. This is left out; the standard errors of such means are then too large, never too small. What does not change
-from pair to pair, such as a bias of the window, is not in any covariance.
+to C/N. This is left out; the standard errors of such means are then too large, never too small.
+
+What a window leaves out does not change from pair to pair in a steady flow, and does not average out: the bias of the
+mean is the mean of the pairs' (the square of a mean is at most the mean of the squares).
 """
 
 from __future__ import annotations
@@ -56,6 +58,8 @@ def mean_over_time(field: xr.Dataset, dim: str = "time") -> xr.Dataset:
     variables |= {
         name: _described(field[name], values) for name, values in _covariances(field, known).items()
     }
+    if "bias" in field:
+        variables["bias"] = _described(field["bias"], _mean_bias(field["bias"], known))
     for name in ("residual", "noise", "resolution"):
         if name in field:
             squared = name == "noise"
@@ -80,9 +84,18 @@ def _mean(variable: xr.DataArray, used: Array, count: Array) -> Array:
     return np.where(count > 0, (values * used).sum(axis=0), np.nan).astype(variable.dtype)
 
 
+def _mean_bias(bias: xr.DataArray, known: Array) -> Array:
+    """Mean of the biases of the pairs that are used and have one; NaN where there is none."""
+    values = bias.transpose(*_GRID, "param").values
+    told = known[..., None] & ~np.isnan(values)
+    count = told.sum(axis=0)
+    total = np.where(told, values, 0.0).astype(np.float64).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(bias.dtype)
+
+
 def _described(variable: xr.DataArray, values: Array) -> tuple[tuple[str, ...], Array, dict[str, Any]]:
     """Values of a mean with the attributes of what was averaged, and the mark of CF for a mean."""
-    dims = ("y", "x", "param", "param2")[: values.ndim]
+    dims = ("y", "x", "param", "param2")[: values.ndim]  # of a bias the first three
     return dims, values, variable.attrs | {"cell_methods": "time: mean"}
 
 

@@ -5,6 +5,7 @@
 | u, v | time, y, x | px | displacement, x to the right and y down |
 | divergence, curl, stretch, shear | time, y, x | 1 | the displacement gradient (`sixflow.convention`) |
 | covariance | time, y, x, param, param2 | px², px, 1 | covariance of the six, in the order of `param` |
+| bias | time, y, x, param | px², 1 | expected square of what the window leaves out of the six; NaN: not estimated |
 | residual | time, y, x | 1 | zero-normalised residual: rms difference of the matched windows / rms contrast |
 | noise | time, y, x | grey | standard deviation of one frame's noise, from the residual |
 | resolution | time, y, x | px | period of a sine displacement that the point attenuates by 10 % |
@@ -60,6 +61,7 @@ def build_field(
     residual: Array,
     noise: Array,
     resolution: Array | None = None,
+    bias: Array | None = None,
     flag: Array,
     x: Array,
     y: Array,
@@ -78,6 +80,7 @@ def build_field(
         The six numbers in the order of `SIX`; NaN where the point failed.
     covariance : array, shape (time, y, x, 6, 6)
     residual, noise, resolution : array, shape (time, y, x)
+    bias : array, shape (time, y, x, 6), optional
     flag : int array, shape (time, y, x)
         Kept as uint16; files of version 0.1 hold uint8, which reads the same.
     x, y : int arrays
@@ -103,6 +106,13 @@ def build_field(
         covariance,
         {"long_name": "covariance of the six numbers", "units": "product of the units of param and param2"},
     )
+    if bias is not None:
+        said = "expected square of what the window leaves out of the six numbers"
+        variables["bias"] = (
+            (*grid, "param"),
+            bias,
+            {"long_name": said, "units": "square of the unit of param"},
+        )
     for name, values in (("residual", residual), ("noise", noise), ("resolution", resolution)):
         if values is None:
             continue

@@ -35,7 +35,8 @@ from sixflow import convention
 from sixflow.errors import InputError
 from sixflow.field.dataset import SIX
 from sixflow.field.interval import elapsed
-from sixflow.field.selection import reference_of, require_variable, whole_flags
+from sixflow.field.selection import reference_of, whole_flags
+from sixflow.field.uncertainty import total_covariance
 
 Array = NDArray[Any]
 
@@ -170,20 +171,22 @@ def derive(field: xr.Dataset, name: str) -> xr.DataArray:
     return _wrap(numbers, values, recipe, name, recipe.long_name, unit)
 
 
-def derived_error(field: xr.Dataset, name: str) -> xr.DataArray:
+def derived_error(field: xr.Dataset, name: str, *, noise_only: bool = False) -> xr.DataArray:
     """Compute the standard error of one of the six or of a derived quantity, to first order in the errors.
 
     Parameters
     ----------
     field, name
         As in `derive`; `name` may also be one of the six.
+    noise_only : bool
+        Leave out what the window does not resolve.
 
     Raises
     ------
     InputError
         As `derive`, and if the field has no covariance.
     """
-    covariance = require_variable(field, "covariance").transpose(..., "param", "param2")
+    covariance = total_covariance(field, noise_only=noise_only)
     if "flag" in field:
         whole_flags(field)  # where they are averages, so is the covariance, and is none of the mean
     if name in SIX:

@@ -7,10 +7,10 @@ outermost points the field goes on along straight lines.
 Where the field tells several bodies apart (its variable `body`), none is joined to another: places between the
 points of two bodies are NaN.
 
-The covariance of the six is interpolated bilinearly. Neighbours share most of their window, so they err
-together, and averaging them does not reduce the error; this states that, and is a little pessimistic for a
-step as large as the window. Beyond the outermost points it is the covariance of the extended affine map,
-which grows with the distance.
+The covariance of the six, and what their windows leave out (`uncertainty`), are interpolated bilinearly. Neighbours
+share most of their window, so they err together, and averaging them does not reduce the error; this states that, and
+is a little pessimistic for a step as large as the window. Beyond the outermost points it is that of the extended affine
+map, which grows with the distance.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from sixflow.convention import gradient, recentre, six_from_gradient
 from sixflow.engine.hermite import HermiteSurface, Stencil, make_stencil
 from sixflow.errors import InputError
 from sixflow.field.dataset import OF_PAIRS, SIX
-from sixflow.field.selection import frame_shape, one_pair, require_variable
+from sixflow.field.selection import frame_shape, one_pair
+from sixflow.field.uncertainty import total_covariance
 
 Array = NDArray[Any]
 
@@ -131,7 +132,7 @@ def _six(d: Array, d_x: Array, d_y: Array) -> Array:
 def _covariance(pair: xr.Dataset, surface: HermiteSurface, x: Array, y: Array) -> Array:
     """Covariance at places, shape (n, 6, 6)."""
     # A node of weight 0 may be NaN: it must not spoil the place, which is NaN by its values if it has to be.
-    known = np.nan_to_num(require_variable(pair, "covariance").transpose("y", "x", "param", "param2").values)
+    known = np.nan_to_num(total_covariance(pair).transpose("y", "x", "param", "param2").values)
     inside_x, inside_y = np.clip(x, surface.x[0], surface.x[-1]), np.clip(y, surface.y[0], surface.y[-1])
     column, row = make_stencil(surface.x, inside_x), make_stencil(surface.y, inside_y)
     right, below = _fraction(surface.x, inside_x, column), _fraction(surface.y, inside_y, row)

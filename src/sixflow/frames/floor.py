@@ -13,6 +13,12 @@ changes.
 The error of a codec is what it left out, and is not correlated with the frame that is seen; rounding adds to that, as a
 camera's noise does. Both count in the covariance, rounding alone in the squares of the gradients.
 
+q is known of files; that of a JPEG also shows in arrays of 8 bits (`sixflow.frames.blocks`).
+
+A codec that predicts a frame from the one before leaves out what differs by little: the difference that a motion makes,
+which is as long as the gradients are. So its error disturbs the fit as white noise of q √A would, with A the area over
+which the gradients are alike (`gradient_area`).
+
 Δ is read off the values themselves: the largest step that leads to all of them. A 12-bit camera in 16-bit files may
 have one of 16, and grey values that were divided by 255 one of 1/255. It is no coarser than an eighth of the range of
 the values: two-valued pictures were not rounded to two values. Floating-point values that lie on no such lattice were
@@ -28,7 +34,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.frames.blocks import block_noise
+
 _SAMPLE = 4096
+_TILE, _TILES = 32, 4
+"""px: side of the tiles whose spectra are taken, and how many along each side of a frame."""
 _LEAST_STEPS = 8
 _MOST_STEPS = 1e5  # more than 16 bits: not distinguished from values that were not rounded
 _OFF_LATTICE = 0.05  # of a step: what floating-point rounding leaves
@@ -90,6 +100,37 @@ def _float_step(values: NDArray[Any]) -> float:
     return 0.0
 
 
+def gradient_area(frame: NDArray[Any]) -> float:
+    """Return the number of pixels over which the gradients of a frame are alike: Σ_d ρ(d)², ρ their correlation.
+
+    What is alike to the gradients and as long as they are, noise of one pixel included, disturbs a fit as white noise
+    with the same power times this area does. From spectra of tiles, Σ_d ρ² = N Σ P²/(Σ P)² for N frequencies.
+
+    Parameters
+    ----------
+    frame : array, shape (height, width)
+
+    Examples
+    --------
+    >>> round(gradient_area(np.random.default_rng(0).normal(size=(256, 256))), 1)
+    1.5
+    """
+    side = min(_TILE, *frame.shape)
+    corners = [
+        np.unique(np.linspace(0, size - side, _TILES).astype(int))
+        for size in (frame.shape[0], frame.shape[1])
+    ]
+    tiles = np.stack([frame[y : y + side, x : x + side] for y in corners[0] for x in corners[1]])
+    tiles = np.nan_to_num(tiles.astype(np.float32), posinf=0.0, neginf=0.0)
+    tiles -= tiles.mean(axis=(1, 2), keepdims=True)
+    taper = np.hanning(side + 2)[1:-1]
+    spectra = np.abs(np.fft.fft2(tiles * taper * taper[:, None])) ** 2
+    square = (np.fft.fftfreq(side) ** 2)[:, None] + np.fft.fftfreq(side) ** 2
+    power = spectra.mean(axis=0) * square
+    total = float(power.sum())
+    return float(power.size * (power**2).sum() / total**2) if total else 1.0
+
+
 @dataclasses.dataclass(frozen=True)
 class Floor:
     """What is known of the errors of all frames of a recording before they are measured.
@@ -128,5 +169,20 @@ class Floor:
     def under(self, frame: ArrayLike) -> tuple[float, float]:
         """Return the standard deviation of a frame's least noise, grey values, and the share of rounding in it."""
         rounding = max(rounding_noise(frame), self.rounding)
-        floor = math.hypot(rounding, self.compression)
+        left_out = self.compression
+        if self.copies and left_out:
+            left_out *= math.sqrt(gradient_area(np.asarray(frame)))
+        floor = math.hypot(rounding, left_out)
         return floor, rounding / floor if floor else 1.0
+
+    def with_blocks(self, frame: NDArray[Any]) -> Floor:
+        """Return what is known with what the pixels of a frame tell of a JPEG, where nothing is stated.
+
+        Parameters
+        ----------
+        frame : array, shape (height, width)
+            Whole frames of 8 bits are looked at.
+        """
+        if self.compression or frame.dtype != np.uint8:
+            return self
+        return dataclasses.replace(self, compression=block_noise(frame))

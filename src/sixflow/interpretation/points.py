@@ -27,6 +27,7 @@ from sixflow.field.selection import (
     stored_settings,
     valid,
 )
+from sixflow.field.uncertainty import known_bias
 from sixflow.plan import SHARPEN
 
 Array = NDArray[Any]
@@ -44,6 +45,11 @@ class Points:
     used : bool array, shape (rows, columns)
     six : array, shape (rows, columns, 6)
     covariance : array, shape (rows, columns, 6, 6)
+        Of the noise.
+    bias : array, shape (rows, columns, 6, 6)
+        Second moments of what the windows leave out; 0 where not estimated.
+    period : float
+        That a point attenuates by 10 %, px: the median; 0 where it is not known.
     sigma : float
         Standard deviation of the window, px.
     sharpen : int
@@ -65,6 +71,8 @@ class Points:
     used: NDArray[np.bool_]
     six: Array
     covariance: Array
+    bias: Array
+    period: float
     sigma: float
     sharpen: int
     gradient_noise: float
@@ -107,8 +115,13 @@ def select_points(field: xr.Dataset, region: Any, time: int, border: bool) -> Po
     spread = covariance.sel(x=inside.x, y=inside.y).values.astype(np.float64)
     six = np.stack([inside[name].values for name in SIX], axis=-1).astype(np.float64)
     # times count from frame 0, whatever frame the points lie in
-    six, spread = on_first_frame(six, spread, reference_of(whole))
-    known &= np.isfinite(spread).all(axis=(-1, -2))
+    reference, bias = reference_of(whole), known_bias(inside)
+    unresolved = np.zeros_like(spread)
+    if bias is not None:
+        squares = bias.transpose("y", "x", "param").values.astype(np.float64)
+        unresolved = on_first_frame(six, squares[..., None] * np.eye(6), reference)[1]
+    six, spread = on_first_frame(six, spread, reference)
+    known &= np.isfinite(spread + unresolved).all(axis=(-1, -2))
     cut = np.zeros_like(known)
     if "flag" in inside and not border:
         cut = known & ((inside["flag"].values.astype(np.int64) & FLAGS["border"]) != 0)
@@ -126,6 +139,8 @@ def select_points(field: xr.Dataset, region: Any, time: int, border: bool) -> Po
         used,
         np.where(used[..., None], six, 0.0),
         np.where(used[..., None, None], spread, np.eye(6)),
+        np.where(used[..., None, None], unresolved, 0.0),
+        _period(inside, used),
         sigma,
         sharpen,
         noise,
@@ -134,6 +149,15 @@ def select_points(field: xr.Dataset, region: Any, time: int, border: bool) -> Po
         1.0 if passed.unit == "s" else took,
         tally,
     )
+
+
+def _period(inside: xr.Dataset, used: NDArray[np.bool_]) -> float:
+    """Median of the periods that the points attenuate by 10 %; 0 where it is not known."""
+    if "resolution" not in inside:
+        return 0.0
+    periods = inside["resolution"].transpose("y", "x").values[used]
+    periods = periods[np.isfinite(periods)]
+    return float(np.median(periods)) if periods.size else 0.0
 
 
 def _window(field: xr.Dataset) -> tuple[float, int, float]:

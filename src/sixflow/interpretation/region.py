@@ -3,22 +3,23 @@
 With the six numbers y_p of every point, their weights W_p, and the model f_p(θ) of `model` with its derivative A_p,
 
     minimise Σ_p (y_p − f_p)ᵀ W_p (y_p − f_p),     Cov θ = N⁻¹ [Σ_pq B_pᵀ K_pq B_q] N⁻¹,
-    B_p = W_p^½ A_p,   N = Σ_p B_pᵀ B_p,   K_pq = W_p^½ C_p^½ R_pq C_q^½ W_q^½,
+    B_p = W_p^½ A_p,   N = Σ_p B_pᵀ B_p,   K_pq = W_p^½ (C_p^½ R_pq C_q^½ + b_p^½ R'_pq b_q^½) W_q^½,
 
-by Gauss–Newton steps. The weights follow the covariances C_p but not their noise (`weights`). They are those of
-independent points; the covariance counts that points are not: neighbours share pixels, and R_pq is the correlation of
-their errors (`correlation`). A grid twice as dense has four times the points and nearly the same standard errors.
+by Gauss–Newton steps. The weights follow C_p + b_p, the covariances of the noise and what the windows leave out, but
+not their noise (`weights`). They are those of independent points; the covariance counts that points are not: neighbours
+share pixels, and R_pq is the correlation of their errors (`correlation`). A grid twice as dense has four times the
+points and nearly the same standard errors. What windows leave out averages down less than noise does (`scatter`).
 
 Two numbers measure how reliable the result is:
 
 - *independent points*: n²/Σ_pq R_pq of u. So many points of separate windows would determine the mean displacement
   as well.
 - *misfit*: Q/E[Q] with Q the minimum above; E[Q] = tr K − tr(N⁻¹ Σ BᵀKB), Var Q = 2 tr (PKP)², P = I − B N⁻¹ Bᵀ. It is
-  1 if the region moves as the model says and the covariances are right; then its standard error is √Var Q/E[Q].
+  1 if the region moves as the model says and the errors are as stated; then its standard error is √Var Q/E[Q].
 
-Where the misfit exceeds 1 by more than three standard errors, the covariance is multiplied by it, which takes what the
-model leaves for noise like that of the field: the usual scale factor, right for deviations about as large as a window,
-too small for larger ones. The assumptions then say so.
+Where the residuals hold more than K explains, by their power or by their power in slow waves, the rest is what the
+model leaves out, as large and as far-reaching as the residuals show it to be (`scatter.unexplained`), and its part is
+added to the covariance. Where that is more than chance makes, the assumptions say so.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from sixflow.interpretation.correlation import Correlation, noise_share, unknown
 from sixflow.interpretation.estimate import Clock, Estimate, Interpretation
 from sixflow.interpretation.model import plane_in_window
 from sixflow.interpretation.points import Points, Region, select_points
+from sixflow.interpretation.scatter import Part, Scatter, power_of, unexplained
 from sixflow.interpretation.weights import precision_around, symmetric_power, weights
 from sixflow.scenes import Eight
 
@@ -48,13 +50,9 @@ Coefficients = Literal["six", "eight"]
 LEAST = {"six": 1, "eight": 4}
 """Smallest number of points for a fit."""
 
-SUSPECT = 3.0
-"""Standard errors by which a misfit may exceed 1 before the covariance is enlarged."""
-
 _STEPS = 30
 _CONVERGED = 1e-3  # in units of the errors
 _ROUNDING = 1e-12
-_PROBES = 24
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -65,7 +63,8 @@ class RegionFit(Interpretation):
     ----------
     eight : Eight
         Coefficients of the steady flow that makes the displacement, per frame interval, about the middle of the
-        points, with their covariance (enlarged by a misfit that is too large). With coefficients="six", E and F are 0.
+        points, with their covariance, which holds what the model leaves out where residuals show that. With
+        coefficients="six", E and F are 0.
     coefficients : "six" or "eight"
         What was fitted.
     region : (x0, y0, x1, y1)
@@ -188,7 +187,7 @@ def fit_region(
     centre = float(points.x[columns].mean()), float(points.y[rows].mean())
     solution = _Solver(points, centre, 6 if coefficients == "six" else 8).solve()
     return RegionFit(
-        assumptions=_assumptions(coefficients, solution.misfit),
+        assumptions=_assumptions(coefficients, solution),
         eight=Eight(solution.theta, centre, solution.covariance),
         coefficients=coefficients,
         region=points.region,
@@ -212,23 +211,19 @@ def require_fit(fit: object, coefficients: Coefficients | None = None) -> Region
     return fit
 
 
-def _assumptions(coefficients: Coefficients, misfit: Estimate) -> tuple[str, ...]:
+def _assumptions(coefficients: Coefficients, solution: _Solution) -> tuple[str, ...]:
     shape = "the region shows one rigid plane"
     if coefficients == "six":
         shape = "the flow of the region is affine: a plane so small or so nearly facing that E = F = 0"
     statements = [shape, "velocities are constant over the frame interval"]
-    factor = _enlargement(misfit)
-    if factor > 1:
+    misfit = solution.misfit
+    if not solution.borne_out:
         statements.append(
             f"NOT BORNE OUT: the misfit is {misfit.value:.3g}, where 1 ± {misfit.standard_error:.2g} is expected; the "
-            f"region does not move quite like this, and standard errors are multiplied by {math.sqrt(factor):.3g}"
+            "region does not move quite like this, and what is left of its motion makes standard errors up to "
+            f"{solution.enlarged:.3g} times as large"
         )
     return tuple(statements)
-
-
-def _enlargement(misfit: Estimate) -> float:
-    """Factor on the covariance."""
-    return misfit.value if misfit.value > 1 + SUSPECT * misfit.standard_error else 1.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -237,6 +232,8 @@ class _Solution:
     covariance: Array
     independent: float
     misfit: Estimate
+    enlarged: float
+    borne_out: bool
 
 
 class _Solver:
@@ -249,17 +246,27 @@ class _Solver:
         rows, columns = self.place
         self.x, self.y = points.x[columns] - centre[0], points.y[rows] - centre[1]
         to_unknowns = unknowns_from_six(points.sigma)
-        spread = to_unknowns @ points.covariance[self.place] @ to_unknowns.T
+        spread, bias = (
+            to_unknowns @ one[self.place] @ to_unknowns.T for one in (points.covariance, points.bias)
+        )
         if not (np.linalg.eigvalsh(spread) > 0).all():
             raise InputError(
                 "covariance: must be positive definite at every valid point; measure the frames again"
             )
-        around = precision_around(spread, points.used, points.x, points.y, points.sigma)
-        root = symmetric_power(weights(spread, around), 0.5)
-        self.whiten = root @ to_unknowns
-        self.scatter = root @ symmetric_power(spread, 0.5)
+        at = points.used, points.x, points.y, points.sigma
+        around = precision_around(spread, *at)
         share = noise_share(around, points.sigma, points.gradient_noise)
-        self.correlation = Correlation(points.x, points.y, points.sigma, points.sharpen, share)
+        correlation = Correlation(points.x, points.y, points.sigma, points.sharpen, share)
+        resolved = not bias.any()
+        total = spread if resolved else spread + bias
+        root = symmetric_power(weights(total, around if resolved else precision_around(total, *at)), 0.5)
+        self.root, self.whiten = root, root @ to_unknowns
+        self.noise = Part(root @ symmetric_power(spread, 0.5), correlation)
+        parts = [self.noise]
+        if not resolved:
+            length = max(points.sigma, points.period / (2 * math.pi))
+            parts.append(Part(root @ symmetric_power(bias, 0.5), Correlation(points.x, points.y, length, 0)))
+        self.scatter = Scatter(points.used, parts)
 
     def solve(self) -> _Solution:
         theta = np.zeros(8)
@@ -291,34 +298,37 @@ class _Solver:
         inverse = np.linalg.inv(np.linalg.cholesky(B.T @ B)).T
         Q = B @ inverse
         inverse /= scale[:, None]
-        meat = Q.T @ self._scattered(Q)
+        meat, left = self.scatter.meat(Q), r - Q @ (Q.T @ r)
+        power = power_of(self.scatter, left, Q)
+        misfit = Estimate(power.found / power.expected, power.spread / power.expected)
+        excess = unexplained(self.scatter, left, Q, power, self._slower())
+        enlarged, whole = 1.0, meat
+        if excess is not None:
+            whole = meat + excess.size * excess.scatter.meat(Q)
+            enlarged = math.sqrt(float(np.linalg.eigvalsh(np.linalg.solve(meat, whole)).max()))
+        borne_out = excess is None or excess.by_chance
         covariance = np.zeros((8, 8))
-        covariance[: self.k, : self.k] = inverse @ ((meat + meat.T) / 2) @ inverse.T
-        left = r - Q @ (Q.T @ r)
-        expected = float((self.scatter**2).sum() - np.trace(meat))
-        misfit = Estimate(float(left @ left) / expected, self._spread(Q) / expected)
-        return _Solution(theta, _enlargement(misfit) * covariance, self._independent(), misfit)
+        covariance[: self.k, : self.k] = inverse @ whole @ inverse.T
+        return _Solution(theta, covariance, self._independent(), misfit, enlarged, borne_out)
 
-    def _correlate(self, values: Array) -> Array:
-        """R times columns of numbers at the points, shape (n, 6, k)."""
-        grid = np.zeros((*self.points.used.shape, 6, values.shape[-1]))
-        grid[self.place] = values
-        return self.correlation.apply(grid)[self.place]
-
-    def _scattered(self, values: Array) -> Array:
-        """K times columns of numbers, shape (6n, k)."""
-        seen = self._correlate(np.swapaxes(self.scatter, 1, 2) @ values.reshape(-1, 6, values.shape[1]))
-        return np.asarray((self.scatter @ seen).reshape(values.shape))
-
-    def _spread(self, Q: Array) -> float:
-        """√(2 tr (PKP)²), by the mean of |PKP z|² over probes z of random signs."""
-        z = np.random.default_rng(0).choice([-1.0, 1.0], (len(Q), _PROBES))
-        z -= Q @ (Q.T @ z)
-        z = self._scattered(z)
-        z -= Q @ (Q.T @ z)
-        return math.sqrt(2 * float((z**2).sum()) / _PROBES)
+    def _slower(self) -> list[Scatter]:
+        """What the model may leave out, from a window's length to the longest wave that fits into the region."""
+        points = self.points
+        longest = max(np.ptp(points.x), np.ptp(points.y)) / (2 * math.pi)
+        lengths = [points.sigma]
+        while 2 * lengths[-1] < longest:
+            lengths.append(2 * lengths[-1])
+        lengths += [float(longest)] if longest > lengths[-1] else []
+        found = []
+        for length in lengths:
+            slope = points.sigma / (math.sqrt(2) * length)
+            part = Part(
+                self.root * np.array([1, slope, slope] * 2), Correlation(points.x, points.y, length, 0)
+            )
+            found.append(Scatter(points.used, [part]))
+        return found
 
     def _independent(self) -> float:
         ones = np.zeros((self.points.count, 6, 1))
         ones[:, 0] = 1
-        return float(self.points.count**2 / (ones * self._correlate(ones)).sum())
+        return float(self.points.count**2 / (ones * self.scatter.correlate(ones, self.noise)).sum())

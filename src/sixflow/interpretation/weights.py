@@ -35,8 +35,10 @@ BAND = 2.0
 
 
 def symmetric_power(matrices: Array, power: float) -> Array:
-    """Return powers of symmetric positive definite matrices, shape (n, k, k)."""
+    """Return powers of symmetric matrices, shape (n, k, k): positive definite ones, or but for rounding so."""
     values, axes = np.linalg.eigh(matrices)
+    if power > 0:
+        values = np.maximum(values, 0)
     return np.asarray(np.einsum("nij,nj,nkj->nik", axes, values**power, axes))
 
 

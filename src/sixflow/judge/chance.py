@@ -1,36 +1,5 @@
-"""Chance: the one rate at which right points may be called wrong, and what follows from it.
+"""Chance: the one rate of false alarms (`sixflow.chance`), under the name that the tests of the field use."""
 
-Every question that a test of the field asks, whether two predictions differ or whether windows look alike, is answered
-at this rate. A question that asks n things of one point shares the rate between them (Bonferroni).
-"""
-
-from __future__ import annotations
-
-import math
-
-FALSE_ALARMS = 1e-4
-"""Probability at which chance alone fails a point, for each kind of question."""
-
-
-def normal_limit(questions: float = 1.0) -> float:
-    """Standard deviations that the largest of so many normal deviates exceeds by chance at `FALSE_ALARMS`, two-sided.
-
-    Examples
-    --------
-    >>> round(normal_limit(), 2), round(normal_limit(8), 2)
-    (3.89, 4.37)
-    """
-    from scipy.special import ndtri
-
-    return float(-ndtri(FALSE_ALARMS / questions / 2))
-
-
-def evidence_limit(places: float = 1.0) -> float:
-    """Log-likelihood against chance, nats, that a match needs where so many places were tried.
-
-    Examples
-    --------
-    >>> round(evidence_limit(), 1), round(evidence_limit(100), 1)
-    (9.2, 13.8)
-    """
-    return math.log(places / FALSE_ALARMS)
+from sixflow.chance import FALSE_ALARMS as FALSE_ALARMS
+from sixflow.chance import evidence_limit as evidence_limit
+from sixflow.chance import normal_limit as normal_limit

@@ -26,6 +26,8 @@ class Motion:
     flag : uint16 array
     residual, noise : arrays
         Of the last step.
+    bias : array, shape (rows, columns, 6)
+        Expected square of what the windows leave out; NaN where not estimated.
     body : int array, or None
     """
 
@@ -36,6 +38,7 @@ class Motion:
     residual: Array
     noise: Array
     body: Array | None
+    bias: Array
 
     @property
     def valid(self) -> NDArray[np.bool_]:

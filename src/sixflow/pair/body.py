@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.convention.flags import FLAGS
 from sixflow.judge.edges import refuted
 from sixflow.judge.flags import isolated, judged
 from sixflow.judge.roundtrip import no_return
@@ -23,11 +24,13 @@ from sixflow.maps.neighbours import fill_failed, settle
 from sixflow.maps.placing import placed
 from sixflow.method import problem_of
 from sixflow.pair.start import Start
-from sixflow.plan import Plan
+from sixflow.plan import Plan, Window
 from sixflow.prepare.frame import Frame
 from sixflow.prepare.light import BodyLight
 from sixflow.prepare.lighting import Light, confirmed
 from sixflow.refine.iterate import dense, refine
+from sixflow.refine.ladder import refine_ladder
+from sixflow.refine.problem import PixelWeights
 from sixflow.refine.resolution import choose
 from sixflow.refine.solution import Solution
 from sixflow.search.growth import Scene, extrapolated
@@ -116,11 +119,29 @@ class Body:
         windows = self.plan.ladder
         if not windows:
             return self._measured(start, self.plan)
+        if self.plan.method == "least_squares" and self.plan.group == "affine":
+            return self._on_ladder(start, found.pixels)
         levels: list[Solution] = []
         for window in reversed(windows):
-            levels.insert(0, self._measured(start, self.plan.replace(window=window), sharpened=bool(levels)))
+            levels.insert(
+                0,
+                self._measured(
+                    start, self.plan.replace(window=window), sharpened=bool(levels and window.sharpen)
+                ),
+            )
             start = settle(levels[0].known, self.grid.step, window.size)
         return choose(levels, windows, self.grid)
+
+    def _on_ladder(self, start: NDArray[Any], pixels: PixelWeights | None) -> Solution:
+        """Measure with all windows at once, choose at every point, and judge."""
+        frames = self.still, self.moved
+        if self.light is not None:
+            frames = self.light.divided_out(*frames, start, self.plan.share)
+        found = refine_ladder(*frames, self.grid, self.plan, start, pixels)
+        middle = float(np.nanmedian(found.window))
+        plan = self.plan.replace(window=Window(middle, self.plan.ladder[0].sharpen))
+        flag = found.flag | judged(found, self.grid, self.asked, plan).flag
+        return found.replace(flag=np.where(flag & FLAGS["masked"], FLAGS["masked"], flag).astype(np.uint16))
 
     def _measured(self, start: NDArray[Any], plan: Plan, *, sharpened: bool = False) -> Solution:
         """Refine a start with one window, and judge it; `sharpened`: the start was, by another window."""

@@ -47,6 +47,7 @@ class PairResult:
     notes: tuple[str, ...]
     memory: int
     rho: NDArray[Any]
+    bias: NDArray[Any]
     moved_covariance: NDArray[Any] | None = None
     measured_from: int | None = None
 
@@ -64,6 +65,7 @@ class PairResult:
             self.residual,
             self.noise,
             self.body,
+            self.bias,
         )
 
 
@@ -116,6 +118,9 @@ def result_of_solution(
     measured: dict[str, Any] = {
         "six": six.astype(plan.dtype),
         "covariance": found.covariance.astype(plan.dtype),
+        "bias": np.full(six.shape, np.nan, plan.dtype)
+        if found.bias is None
+        else found.bias.astype(plan.dtype),
         "residual": statistics.residual.astype(plan.dtype),
         # in grey levels, which may be of any size
         "noise": statistics.noise / (scale * math.sqrt(lowpass_noise(plan.lowpass))),
@@ -126,7 +131,9 @@ def result_of_solution(
     if replace:
         wanted = failed & ((flag & FLAGS["masked"]) == 0)
         step, size = plan.grid.step, plan.window.size
-        replaced = replace_failed(measured["six"], measured["covariance"], wanted, step, size)
+        total = measured["covariance"] + _diagonal(measured["bias"])
+        replaced = replace_failed(measured["six"], total, wanted, step, size)
+        measured["covariance"][replaced], measured["bias"][replaced] = total[replaced], 0.0
         flag = flag | np.where(replaced, FLAGS["replaced"], 0).astype(np.uint16)
     reference, moved = pair.reference, pair.moved
     digest = hashlib.sha256(reference.digest + moved.digest + reference.mask_content)
@@ -142,6 +149,12 @@ def result_of_solution(
         **measured, flag=flag, body=body, window=float(np.nanmedian(windows)), numbers=numbers,
         digest=digest.hexdigest()[:16], notes=notes, memory=memory, rho=statistics.rho,
     )  # fmt: skip
+
+
+def _diagonal(bias: NDArray[Any]) -> NDArray[Any]:
+    """Matrices with the biases on their diagonals, 0 where not estimated."""
+    matrices: NDArray[Any] = np.nan_to_num(bias)[..., None] * np.eye(6, dtype=bias.dtype)
+    return matrices
 
 
 def field_of_pair(
@@ -178,6 +191,7 @@ def field_of_pair(
     field = build_field(
         six=result.six[None],
         covariance=result.covariance[None],
+        bias=result.bias[None],
         residual=result.residual[None],
         noise=result.noise[None],
         resolution=result.resolution[None],

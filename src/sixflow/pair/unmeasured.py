@@ -143,5 +143,5 @@ def _unmeasured(
     return PairResult(
         six=nothing(6), covariance=nothing(6, 6), residual=nothing(), noise=nothing(), resolution=nothing(),
         flag=flags, body=body, window=float("nan") if window == "auto" else float(window),
-        numbers=numbers, digest=digest.hexdigest()[:16], notes=(note,), memory=0, rho=nothing(),
+        numbers=numbers, digest=digest.hexdigest()[:16], notes=(note,), memory=0, rho=nothing(), bias=nothing(6),
     )  # fmt: skip

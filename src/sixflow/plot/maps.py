@@ -19,7 +19,7 @@ from sixflow.drawing.look import (
     with_power,
 )
 from sixflow.errors import InputError
-from sixflow.plot.missing import fill_missing
+from sixflow.plot.missing import dot_unresolved, fill_missing
 from sixflow.plot.view import Units, View, cell_edges
 
 
@@ -37,7 +37,8 @@ def plot_map(
     """Draw one number of the field as a map with a colour bar.
 
     A signed number has a diverging scale with symmetric limits, white at 0; any other has a sequential scale
-    from 0. Masked points are hatched grey, failed ones hatched ochre.
+    from 0. Masked points are hatched grey, failed ones hatched ochre; those whose motion is finer than their window
+    resolves are dotted. Standard errors are those of noise and bias together.
 
     Parameters
     ----------
@@ -110,6 +111,7 @@ def draw_map(
         zorder=1,
     )
     fill_missing(ax, view)
+    dot_unresolved(ax, view)
     unit = with_power(quantity.unit, power)
     view.dress(ax, f"{label} ({unit})" if unit else label)
     above = bool(np.nanmax(values, initial=-np.inf) > limit)

@@ -1,4 +1,7 @@
-"""Points without numbers: masked and failed ones are marked so that neither looks like a small value."""
+"""Points without numbers: masked and failed ones are marked so that neither looks like a small value.
+
+Points that are given but unresolved are dotted over their colour.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,17 @@ Array = NDArray[Any]
 
 _MASKED = {"facecolor": MASKED_FACE, "edgecolor": MASKED_EDGE, "hatch": "/" * 6, "linewidth": 0.0}
 _FAILED = {"facecolor": FAILED_FACE, "edgecolor": FAILED_EDGE, "hatch": "\\" * 6, "linewidth": 0.0}
+
+
+_UNRESOLVED = {"facecolor": "none", "edgecolor": FAILED_EDGE, "hatch": "." * 3, "linewidth": 0.0}
+
+_MOST_REASONS = 3
+
+
+def dot_unresolved(ax: Axes, view: View) -> None:
+    """Dot the cells of the points whose motion is finer than their window resolves."""
+    if view.unresolved.any():
+        ax.add_patch(PathPatch(_cells(view.unresolved, view), **_UNRESOLVED))
 
 
 def fill_missing(ax: Axes, view: View, *, failed: bool = True) -> list[PathPatch]:
@@ -50,9 +64,13 @@ def legend_handles(view: View, *, crosses: bool = False) -> list[Artist]:
     if masked:
         handles.append(Patch(label="masked", **_MASKED))  # type: ignore[arg-type]
     if failed:
-        handles.append(Patch(label="failed", **_FAILED))  # type: ignore[arg-type]
+        reasons = [name.replace("_", " ") for name in view.reasons]
+        named = ", ".join(reasons[:_MOST_REASONS]) + ", …" * (len(reasons) > _MOST_REASONS)
+        handles.append(Patch(label=f"failed ({named})" if named else "failed", **_FAILED))  # type: ignore[arg-type]
     if failed and crosses:
         handles.append(Line2D([], [], label="failed, in a and b", **_CROSS))  # type: ignore[arg-type]
+    if view.unresolved.any():
+        handles.append(Patch(label="unresolved", **_UNRESOLVED))  # type: ignore[arg-type]
     return handles
 
 

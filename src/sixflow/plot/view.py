@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from sixflow.drawing.look import tidy
 from sixflow.errors import InputError
 from sixflow.field.calibration import Calibration
-from sixflow.field.dataset import SIX
+from sixflow.field.dataset import FAILING, FLAGS, SIX
 from sixflow.field.derived import DERIVED, derive, derived_error
 from sixflow.field.physical import PHYSICAL_NAMES, to_physical, turn_up
-from sixflow.field.selection import frame_shape, masked_and_failed, one_pair, require_field
+from sixflow.field.selection import flagged, frame_shape, masked_and_failed, one_pair, require_field
 
 Array = NDArray[Any]
 Units = Literal["px", "physical"]
@@ -120,6 +120,27 @@ class View:
     def missing(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Masked and failed points, shape (y, x)."""
         return masked_and_failed(self.pair)
+
+    @property
+    def unresolved(self) -> NDArray[np.bool_]:
+        """Points that are given, and whose motion is finer than their window resolves; shape (y, x)."""
+        if "flag" not in self.pair:
+            return np.zeros((self.pair.sizes["y"], self.pair.sizes["x"]), np.bool_)
+        masked, failed = self.missing
+        return np.asarray(flagged(self.pair, "unresolved").values & ~masked & ~failed)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """The flags of failed points, most frequent first."""
+        if "flag" not in self.pair:
+            return ()
+        failed = self.missing[1]
+        counts = {
+            name: int((flagged(self.pair, name).values & failed).sum())
+            for name, bit in FLAGS.items()
+            if bit & FAILING and name != "masked"
+        }
+        return tuple(sorted((name for name in counts if counts[name]), key=lambda name: -counts[name]))
 
     def quantity(self, name: str) -> Quantity:
         """Return a number per point by its name; InputError if there is no such number."""

@@ -26,7 +26,9 @@ from numpy.typing import NDArray
 from sixflow.engine.lowpass import lowpass_noise, lowpass_reach, smoothed
 from sixflow.engine.threads import beside
 from sixflow.errors import BadFrameError
+from sixflow.frames.compression import compression_note
 from sixflow.frames.floor import Floor, rounding_noise
+from sixflow.frames.metadata import Compression
 from sixflow.masks import Bodies
 from sixflow.prepare.copies import copied_pixels
 from sixflow.prepare.defects import without_defects
@@ -121,7 +123,10 @@ def prepare_frame(
         image = continued(image, valid)
     counted = both_valid(inside, valid)
     notes = interlacing.notes(image, name, counted) + notes
-    least, rounded = floor.under(_counted(array, inside))
+    known = floor.with_blocks(array)
+    if known is not floor and known.compression:
+        notes += (f"{name}: {compression_note(Compression('JPEG', known.compression))}",)
+    least, rounded = known.under(_counted(array, inside))
     frame = Frame(image, valid, floor=least * grey.scale, rounded=rounded)
     if not lasting:
         digest.result()
@@ -175,8 +180,8 @@ class PreparedPair:
     def notes(self, numbers: tuple[int, int]) -> tuple[str, ...]:
         """What was done to pixels of frames with these numbers."""
         notes = [
-            f"frame {number}: {count} pixels of one value at the rim, where the other frame has content, are taken for "
-            "beyond its end"
+            f"frame {number}: {count} pixels of one value at the rim, where the other frame has content or the same "
+            "rim, are taken for beyond its end"
             for number, count in zip(numbers, self.blank, strict=True)
             if count
         ]

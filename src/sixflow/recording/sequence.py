@@ -260,7 +260,7 @@ class Follower:
         digest = hashlib.sha256(b"".join(part.digest for part in parts) + self.first.mask_content)
         return dataclasses.replace(
             step, six=motion.six, covariance=motion.covariance, moved_covariance=motion.moved_covariance,
-            flag=motion.flag, residual=motion.residual, noise=motion.noise, body=motion.body,
+            flag=motion.flag, residual=motion.residual, noise=motion.noise, body=motion.body, bias=motion.bias,
             numbers=(self.recording.number(0), step.numbers[1]),
             measured_from=self.recording.number(stage.place),
             digest=digest.hexdigest()[:16] if stage.place else step.digest,
@@ -281,6 +281,7 @@ def _stored_motion(done: xr.Dataset, time: int) -> Motion:
         np.stack([pair[name].values for name in SIX], axis=-1), covariance, moved.astype(covariance.dtype),
         pair["flag"].values, pair["residual"].values, pair["noise"].values,
         pair["body"].values if "body" in pair else None,
+        pair["bias"].values if "bias" in pair else np.full((*pair["flag"].shape, len(SIX)), np.nan, covariance.dtype),
     )  # fmt: skip
 
 

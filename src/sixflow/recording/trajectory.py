@@ -22,8 +22,15 @@ of a step's covariance C to itself. With Y the part of Cov D_r that is from fram
 (√ the Cholesky factor): what the two steps see of frame r's noise cancels but for the change of the windows. The error
 of a long chain grows by ρ/(1 + ρ) of a step's variance with each step, not by all of it.
 
+*Bias.* What the windows leave out of a steady flow is alike in all steps, and adds up. With β = √b,
+
+    β_n = |J₁| β_r + |J₂| β_u,
+
+which is at least what any signs would give.
+
 | symbol | name |
 |---|---|
+| b | `bias` |
 | D_r, F_r | `base.six` |
 | u, C | `step.six`, `step.covariance` |
 | J₁, J₂ | `by_first`, `by_second` |
@@ -73,6 +80,7 @@ def composed(base: Motion, step: Motion, grid: Grid, shape: tuple[int, int], *, 
     rows, columns = grid.shape
     six = np.full((rows, columns, 6), np.nan)
     covariance, moved = np.full((rows, columns, 6, 6), np.nan), np.full((rows, columns, 6, 6), np.nan)
+    bias = np.full((rows, columns, 6), np.nan)
     residual, noise = np.full(grid.shape, np.nan), np.full(grid.shape, np.nan)
     flag = base.flag.copy()
     alive = np.nonzero(base.valid)
@@ -99,11 +107,12 @@ def composed(base: Motion, step: Motion, grid: Grid, shape: tuple[int, int], *, 
         + _spread(by_second, spread - own_share)
     )
     moved[kept] = _spread(by_second, own_share)
+    bias[kept] = _added(by_first, base.bias[kept].astype(np.float64), by_second, there.bias[found])
     residual[kept], noise[kept] = there.residual[found], there.noise[found]
     dtype = base.six.dtype
     return Motion(
         six.astype(dtype), covariance.astype(dtype), moved.astype(dtype), flag, residual.astype(dtype),
-        noise.astype(base.noise.dtype), base.body,
+        noise.astype(base.noise.dtype), base.body, bias.astype(dtype),
     )  # fmt: skip
 
 
@@ -115,6 +124,7 @@ class _There:
     six: Real
     covariance: Real
     moved_covariance: Real
+    bias: Real
     residual: Real
     noise: Real
     flag: NDArray[np.uint16]
@@ -143,19 +153,27 @@ def _along(step: Motion, grid: Grid, x: Real, y: Real, own: Array | None, named:
     covariance, moved = (
         _spread(shift, spread[j, i].astype(np.float64)) for spread in (step.covariance, step.moved_covariance)
     )
+    bias = np.diagonal(
+        _spread(shift, step.bias[j, i].astype(np.float64)[..., None] * np.eye(6)), axis1=1, axis2=2
+    ).copy()
     whole = known.all(axis=0) & (distance.max(axis=0) <= grid.step)
     if whole.any():
         six[whole] = _interpolated(step, grid, x[whole], y[whole])
         weight = (1 - np.abs(offset[:, whole]) / grid.step).prod(axis=-1)
         weight /= weight.sum(axis=0)
-        for spread, there in ((step.covariance, covariance), (step.moved_covariance, moved)):
+        for spread, there in (
+            (step.covariance, covariance),
+            (step.moved_covariance, moved),
+            (step.bias, bias),
+        ):
             corners = spread[corner_y[:, whole], corner_x[:, whole]].astype(np.float64)
-            there[whole] = np.einsum("cn,cnij->nij", weight, corners)
+            there[whole] = np.einsum("cn,cn...->n...", weight, corners)
     reason = np.bitwise_or.reduce(step.flag[corner_y, corner_x], axis=0)
     found = (far <= grid.step) & np.isfinite(six).all(axis=-1)
     border = (step.flag[j, i] & FLAGS["border"]).astype(np.uint16)
     return _There(
-        found, six, covariance, moved, step.residual[j, i].astype(np.float64), step.noise[j, i].astype(np.float64),
+        found, six, covariance, moved, bias,
+        step.residual[j, i].astype(np.float64), step.noise[j, i].astype(np.float64),
         np.where(found, border, reason & ~np.uint16(FLAGS["masked"])).astype(np.uint16),
     )  # fmt: skip
 
@@ -175,6 +193,16 @@ def _interpolated(step: Motion, grid: Grid, x: Real, y: Real) -> Real:
 def _spread(J: Real, covariance: Real) -> Real:
     spread = J @ covariance @ np.swapaxes(J, -1, -2)
     return (spread + np.swapaxes(spread, -1, -2)) / 2
+
+
+def _added(by_first: Real, first: Real, by_second: Real, second: Real) -> Real:
+    """Bias of a joined motion, shape (n, 6): of what is known of either; NaN where neither is."""
+    parts = [
+        (np.abs(J) @ np.sqrt(np.nan_to_num(one))[..., None])[..., 0]
+        for J, one in ((by_first, first), (by_second, second))
+    ]
+    unknown = np.isnan(first) & np.isnan(second)
+    return np.where(unknown, np.nan, (parts[0] + parts[1]) ** 2)
 
 
 def _root(covariance: Real) -> Real:

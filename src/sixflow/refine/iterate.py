@@ -56,14 +56,14 @@ def refine(problem: Problem, start: Array, *, sharpened: bool = False) -> Soluti
         state = with_pixel_weights(plan, found)
         left = np.full(problem.grid.shape, np.inf)
         return sharpen(problem, start, left, state or found.state, found.measurable, sharpened=True)
-    found = _settled(problem, start)
+    found = settled(problem, start)
     if not plan.window.sharpen:
         return problem.solution(found, found.maps, found.left)
     return sharpen(problem, found.maps, found.left, found.state, found.measurable)
 
 
-def _settled(problem: Problem, start: Array) -> Pass:
-    """The last of the passes in total form, with what the covariance needs."""
+def settled(problem: Problem, start: Array) -> Pass:
+    """Return the last of the passes in total form, with what the covariance needs."""
     plan, state, maps = problem.plan, State(), start
     done, most = 0, plan.passes
     while True:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.engine.likely import likely_strip
 from sixflow.engine.rows import DERIVATIVE
 from sixflow.engine.solve import explained_strip, normal_matrices, solve_strip, texture_strip
 from sixflow.engine.spline import gradient_noise
@@ -30,12 +31,13 @@ from sixflow.maps.grid import Grid
 from sixflow.maps.restriction import allowed, confined, maps_of, unknowns, with_shared_gradients
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
-from sixflow.refine.covariance import above_floor, covariance_of_pass, solution_of_pass
+from sixflow.refine.covariance import above_floor, covariance_of_pass, shrunk_noise, solution_of_pass
 from sixflow.refine.light import light_of_windows
-from sixflow.refine.moments import Moments
+from sixflow.refine.moments import Moments, node_spacing
 from sixflow.refine.problem import Pass, PixelWeights, State
 from sixflow.refine.solution import Solution, WindowStatistics
 from sixflow.refine.sweep import Sweep, mean_plane
+from sixflow.refine.uniform import UniformWindow, uniform_windows
 from sixflow.refine.windows import WindowSums, window_means, window_sums
 
 GRID_STRIP = 16
@@ -59,6 +61,30 @@ class LeastSquaresPass(Pass):
     images: Images | None
 
 
+@dataclasses.dataclass(frozen=True)
+class Swept:
+    """What a sweep leaves, for windows of any size.
+
+    Attributes
+    ----------
+    maps : array, shape (6, rows, columns)
+        The motion that the frames were compared with.
+    total : bool
+        Total form, or increments.
+    state : State
+        The light and the pixel weights that were used.
+    moments : Moments
+    images : Images or None
+        As in `LeastSquaresPass`.
+    """
+
+    maps: Array
+    total: bool
+    state: State
+    moments: Moments
+    images: Images | None
+
+
 class LeastSquares:
     """Least-squares passes over one level of one pair of frames.
 
@@ -68,12 +94,16 @@ class LeastSquares:
         Both at the level's resolution.
     grid : Grid
     plan : Plan
+    sweep : Sweep, optional
+        Of the same frames, for a window that is no larger; several windows may share one.
     """
 
-    def __init__(self, still: Frame, moved: Frame, grid: Grid, plan: Plan) -> None:
+    def __init__(
+        self, still: Frame, moved: Frame, grid: Grid, plan: Plan, sweep: Sweep | None = None
+    ) -> None:
         self.still, self.moved, self.grid, self.plan = still, moved, grid, plan
         self.sigma = plan.window.sigma
-        self.sweep = Sweep(
+        self.sweep = sweep or Sweep(
             still,
             moved,
             grid,
@@ -93,31 +123,46 @@ class LeastSquares:
 
     def step(self, maps: Array, state: State, *, total: bool = True, last: bool = False) -> LeastSquaresPass:
         """Make a pass (`Problem.step`)."""
-        by_window = self.plan.lighting == "gain+offset"
-        if by_window and state.light is None:
-            sums = window_sums(self.sweep.moments(maps, total=total), self.grid, self.sigma)
+        return self.solved(self.swept(maps, state, total=total, last=last))
+
+    def swept(
+        self, maps: Array, state: State, *, total: bool, last: bool = False, power: bool = False
+    ) -> Swept:
+        """Sweep the frames with a motion, as for `step`; `power`: keep what a likely covariance needs."""
+        if self.plan.lighting == "gain+offset" and state.light is None:
+            sums = self._sums(self.sweep.moments(maps, total=total))
             state = dataclasses.replace(state, light=light_of_windows(sums))
         images, weights = None, state.weights
         if weights is None and not (last and self.plan.lowpass):
-            moments = self.sweep.moments(maps, total=total, light=state.light, sandwich=last)
+            moments = self.sweep.moments(maps, total=total, light=state.light, sandwich=last, power=power)
         else:
             images = self.sweep.images(maps, total=total, light=state.light)
             if weights is not None:
                 weights = self._weighed(images, weights)
             moments = self.sweep.moments_of(
-                images, None if weights is None else weights.weight, sandwich=last
+                images, None if weights is None else weights.weight, sandwich=last, power=power
             )
-        sums = window_sums(moments, self.grid, self.sigma)
-        solution, update = self._solved(sums, maps, total)
-        light = light_of_windows(sums) if by_window else None
+        return Swept(maps, total, State(state.light, weights), moments, images)
+
+    def solved(self, swept: Swept) -> LeastSquaresPass:
+        """Solve for the maps of this window, from what a sweep summed."""
+        sums = self._sums(swept.moments)
+        solution, update = self._solution(sums, swept.maps, swept.total)
+        light = light_of_windows(sums) if self.plan.lighting == "gain+offset" else None
         return LeastSquaresPass(
-            start=maps, maps=solution, update=update, statistics=self._statistics(sums, update),
-            state=State(light, weights), sums=sums, moments=moments, images=images,
+            start=swept.maps, maps=solution, update=update, statistics=self._statistics(sums, update),
+            state=State(light, swept.state.weights), sums=sums, moments=swept.moments, images=swept.images,
         )  # fmt: skip
 
-    def counted(self, maps: Array, state: State) -> NDArray[np.bool_]:
-        """Pixels that have a partner (`Problem.counted`)."""
-        return np.isfinite(self.sweep.images(maps, light=state.light).residual)
+    def _sums(self, moments: Moments) -> WindowSums:
+        """Window sums of moments about nodes that may be closer than this window needs."""
+        while 2 * moments.lattice.spacing <= node_spacing(self.sigma):
+            moments = moments.coarser()
+        return window_sums(moments, self.grid, self.sigma)
+
+    def uniform(self, maps: Array, state: State) -> UniformWindow:
+        """Return this window where the texture is uniform (`Problem.uniform`)."""
+        return uniform_windows(self.sweep, (self.sigma,), maps, state.light)[0]
 
     def solution(
         self, found: Pass, maps: Array, left: Array, *, sharpened: bool = False, held: Array | None = None
@@ -128,11 +173,27 @@ class LeastSquares:
         solution = solution_of_pass(
             self.plan, covariance, statistics, maps, left, sharpened=sharpened, held=held
         )
-        if found.state.light is None:
-            return solution
-        return solution.replace(light=np.moveaxis(found.state.light, 0, -1))
+        light = None if found.state.light is None else np.moveaxis(found.state.light, 0, -1)
+        return solution.replace(light=light, pixels=found.state.weights)
 
-    def _solved(self, sums: WindowSums, maps: Array, total: bool) -> tuple[Array, Array]:
+    def likely_covariance(self, found: LeastSquaresPass) -> Array:
+        """Covariance of the plain window's six numbers if its texture is the same everywhere in it (`likely_strip`)."""
+        statistics, sums = found.statistics, found.sums
+        assert sums.sandwich is not None
+        out = np.empty((*self.grid.shape, 6, 6), self.plan.dtype)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            power = sums.sandwich.sum(axis=-1) / (sums.normal[..., 0] + sums.normal[..., 12])
+            power = power * np.nan_to_num(statistics.left, nan=1.0) * shrunk_noise(found.maps)
+        if statistics.lacking is not None:
+            power = power + 2 * np.asarray(self.floor) ** 2 * statistics.lacking
+        over_strips(
+            lambda a, b: likely_strip(sums.normal, statistics.noise_gradient, power, self.sigma, a, b, out),
+            self.grid.rows,
+            GRID_STRIP,
+        )
+        return out
+
+    def _solution(self, sums: WindowSums, maps: Array, total: bool) -> tuple[Array, Array]:
         """The solution of the normal equations, and the change of the motion that it makes."""
         known = self.grid.plane(mean_plane(maps, self.grid)) if total else maps
         if self.plan.group != "affine":

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.moments import Part, plane_at, plane_count
-from sixflow.engine.sweep import NORMAL_RANKS, SANDWICH_RANKS
+from sixflow.engine.merge import lower_planes, merge_strip
+from sixflow.engine.moments import Part, plane_count
+from sixflow.engine.sweep import NORMAL_RANKS, POWER_RANKS, SANDWICH_RANKS
 from sixflow.engine.threads import over_strips
 from sixflow.errors import InputError
 from sixflow.maps.grid import Grid
@@ -23,6 +24,9 @@ from sixflow.maps.grid import Grid
 Ranks = tuple[int, int, int]
 STRIP = 64
 """Pixel rows of a strip, at least: what a strip needs of its neighbours' rows is then a small part."""
+
+
+MERGED_STRIP = 16
 
 
 def node_spacing(sigma: float) -> int:
@@ -89,7 +93,7 @@ class Moments:
         1, |r|, r², I₀, I₀² and, where they are asked for, I₁, I₁², I₀I₁ over the pixels that have a partner. I₁ is the
         warped frame before its light is corrected.
     sandwich : array, shape (node rows, 18, node columns), or None
-        r²g_x², r²g_x g_y, r²g_y² with 1, X, Y, X², XY, Y².
+        r²g_x², r²g_x g_y, r²g_y² with 1, X, Y, X², XY, Y². Or 2 planes, r²g_x² and r²g_y² alone.
     """
 
     lattice: Lattice
@@ -122,50 +126,24 @@ class Moments:
 
     def coarser(self) -> Moments:
         """Moments about every second node, under hats of twice the width: exactly what a sweep would sum."""
-        sandwich = None if self.sandwich is None else _merged(self.sandwich, SANDWICH_RANKS)
+        sandwich = None if self.sandwich is None else _merged(self.sandwich, sandwich_ranks(self.sandwich))
         normal = _merged(self.normal, NORMAL_RANKS)
         statistics = _merged(self.statistics, (0, 0, self.statistics.shape[1]))
         return Moments(self.lattice.coarser(), normal, statistics, sandwich)
 
 
+def sandwich_ranks(planes: NDArray[Any]) -> Ranks:
+    """Ranks of a sandwich, whole or of the gradients' power alone."""
+    return SANDWICH_RANKS if planes.shape[1] == plane_count(SANDWICH_RANKS) else POWER_RANKS
+
+
 def _merged(planes: NDArray[Any], ranks: Ranks) -> NDArray[Any]:
-    """Merge moments along y, then along x.
-
-    A node at the distance d = 0, ±½ (in units of twice the spacing) from a coarser one gives it 1 or ½ of its moments,
-    translated: X^a → (X/2 + d)^a.
-    """
-    for axis in (1, 0):  # of X and Y
-        place = 0 if axis else 2
-        nodes = np.moveaxis(planes, place, 0)
-        even, odd = nodes[0::2], nodes[1::2]
-        out = np.zeros((len(nodes) // 2 + 1, *nodes.shape[1:]), planes.dtype)
-        out[: len(even)] += _translated(even, ranks, axis, 0.0)
-        out[: len(odd)] += _translated(odd, ranks, axis, 0.5) / 2
-        out[1 : 1 + len(odd)] += _translated(odd, ranks, axis, -0.5) / 2
-        planes = np.moveaxis(out, 0, place)
-    return np.ascontiguousarray(planes)
-
-
-def _translated(nodes: NDArray[Any], ranks: Ranks, axis: int, d: float) -> NDArray[Any]:
-    """Moments with X (axis 0) or Y (axis 1) replaced by X/2 + d; the planes are axis 1 or 0 of what is left."""
-    # nodes: (n, planes, columns) along y, (n, rows, planes) along x
-    planes = nodes if axis == 1 else np.swapaxes(nodes, 1, 2)
-    out = planes.copy()
-    for order, count in zip((2, 1), ranks[:2], strict=True):
-        at = {
-            (a, c): slice(plane_at(ranks, order, a, c), plane_at(ranks, order, a, c) + count)
-            for a in range(order + 1)
-            for c in range(order + 1 - a)
-        }
-        for (a, c), here in at.items():
-            power = c if axis else a
-            lower = [at[(a - k, c) if axis == 0 else (a, c - k)] for k in range(power + 1)]
-            parts = [planes[:, part] for part in lower]  # of powers power, power − 1, …
-            if power == 1:
-                out[:, here] = parts[0] / 2 + d * parts[1]
-            elif power == 2:
-                out[:, here] = parts[0] / 4 + d * parts[1] + d * d * parts[2]
-    return out if axis == 1 else np.swapaxes(out, 1, 2)
+    """Merge moments of products along y, then along x."""
+    rows, count, nodes = planes.shape
+    out = np.empty((rows // 2 + 1, count, nodes // 2 + 1), planes.dtype)
+    lower = lower_planes(ranks)
+    over_strips(lambda a, b: merge_strip(planes, lower, a, b, out), len(out), MERGED_STRIP)
+    return out
 
 
 def summed(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sixflow.maps.grid import Grid
 from sixflow.plan import Plan
 from sixflow.refine.solution import Solution, WindowStatistics
+from sixflow.refine.uniform import UniformWindow
 
 Array = NDArray[Any]
 
@@ -171,8 +172,8 @@ class Problem(Protocol):
         """
         ...
 
-    def counted(self, maps: Array, state: State) -> NDArray[np.bool_]:
-        """Pixels that have a partner; shape (height, width)."""
+    def uniform(self, maps: Array, state: State) -> UniformWindow:
+        """Return this window where the texture is uniform, cut as the frames cut it."""
         ...
 
     def solution(

@@ -31,91 +31,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.response import quotient
-from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import fill_failed, settle, typical
 from sixflow.refine.problem import Problem, State
 from sixflow.refine.solution import Solution
-from sixflow.refine.windows import motion_sums
 
 SHARPEN_PASSES = 8
 _HELD = 1 / 8  # of a whole stride
 _STANDS = 0.005  # px: passes that stop coming nearer than this have not diverged, whatever the tolerance
 SHARPENED = 0.3  # what a sharpening pass leaves of its update, at most (measured: 0.1 to 0.3)
-
-
-class UniformWindow:
-    """The window's affine fit of a displacement field, as it would be with a uniform texture.
-
-    The sums run over a lattice of spacing h, the largest divisor of the step that samples the Gaussian
-    finely (h ≤ σ/2).
-
-    Parameters
-    ----------
-    grid : Grid
-    sigma : float
-        Of the Gaussian weight, px.
-    counted : bool array, shape (height, width)
-        Pixels that have a partner.
-
-    Examples
-    --------
-    >>> grid = Grid.over((64, 64), 8)
-    >>> window = UniformWindow(grid, 6.0, np.ones((64, 64), bool))
-    >>> plane = grid.plane(np.array([1, 2, 0.1, 0.2, 0.3, 0.4]))
-    >>> bool(np.allclose(window.fit(plane), plane))
-    True
-    """
-
-    def __init__(self, grid: Grid, sigma: float, counted: NDArray[np.bool_]) -> None:
-        spacing = max(h for h in range(1, grid.step + 1) if grid.step % h == 0 and (h <= sigma / 2 or h == 1))
-        first_x, first_y = grid.x0 % spacing, grid.y0 % spacing
-        self.grid, self.sigma, self.spacing = grid, sigma, spacing
-        self.counted = np.ascontiguousarray(counted[first_y::spacing, first_x::spacing]).astype(np.float64)
-        self.place = Grid(
-            grid.x0 // spacing, grid.y0 // spacing, grid.step // spacing, grid.columns, grid.rows
-        )
-
-    def fit(self, maps: NDArray[Any]) -> NDArray[np.float64]:
-        """M U: the affine fits of the blend of `maps`; shape (6, rows, columns).
-
-        A point with too little of its window left for a fit keeps its map.
-        """
-        h = self.spacing
-        lattice = maps.astype(np.float64)
-        lattice[2:] *= h  # per lattice spacing
-        sums = motion_sums(self.counted, lattice, self.place, self.sigma / h)
-        m = np.moveaxis(sums, -1, 0)
-        fitted = maps.astype(np.float64)
-        # Cramer's rule for the symmetric matrix of (1, X, Y)
-        c00, c01, c02 = m[3] * m[5] - m[4] ** 2, m[2] * m[4] - m[1] * m[5], m[1] * m[4] - m[2] * m[3]
-        c11, c12, c22 = m[0] * m[5] - m[2] ** 2, m[1] * m[2] - m[0] * m[4], m[0] * m[3] - m[1] ** 2
-        determinant = m[0] * c00 + m[1] * c01 + m[2] * c02
-        known = determinant > 1e-6 * m[0] * m[3] * m[5]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            for component in range(2):
-                b0, b1, b2 = m[6 + 3 * component : 9 + 3 * component]
-                value = (c00 * b0 + c01 * b1 + c02 * b2) / determinant
-                slope_x = (c01 * b0 + c11 * b1 + c12 * b2) / determinant / self.sigma
-                slope_y = (c02 * b0 + c12 * b1 + c22 * b2) / determinant / self.sigma
-                for place, plane in (
-                    (component, value),
-                    (2 + 2 * component, slope_x),
-                    (3 + 2 * component, slope_y),
-                ):
-                    fitted[place] = np.where(known, plane, fitted[place])
-        return fitted
-
-    def deconvolve(self, maps: NDArray[Any], sharpen: int) -> NDArray[np.float64]:
-        """Q maps, by the Chebyshev polynomials' recurrence T*_{k+1} = 2 (2M − 1) T*_k − T*_{k−1}."""
-        first, *rest = quotient(sharpen)
-        before, here = maps, maps.astype(np.float64)
-        total = first * here
-        for k, coefficient in enumerate(rest):
-            after = 2 * self.fit(here) - here
-            before, here = here, after if k == 0 else 2 * after - before
-            total += coefficient * here
-        return total
 
 
 def sharpen(
@@ -153,7 +76,7 @@ def sharpen(
         Not yet judged; NaN where the last pass failed.
     """
     plan, step, window = problem.plan, problem.grid.step, problem.plan.window
-    uniform = UniformWindow(problem.grid, window.sigma, problem.counted(fill_failed(maps, step), state))
+    uniform = problem.uniform(fill_failed(maps, step), state)
     maps = plain = settle(np.where(measurable, maps, np.nan), step, window.size)
     if not sharpened:
         maps = uniform.deconvolve(maps, window.sharpen)

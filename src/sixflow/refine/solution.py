@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.convention.flags import FAILING, FLAGS
+
+if TYPE_CHECKING:
+    from sixflow.refine.problem import PixelWeights
 
 Array: TypeAlias = NDArray[Any]
 Part: TypeAlias = tuple[slice, slice]
@@ -92,6 +95,8 @@ class Solution:
         What was allowed to change in the light, as in `Settings`.
     body : int32 array, shape (rows, columns), or None
         Number of the body of each point, where there are several.
+    pixels : PixelWeights or None
+        The weights of pixels that the last pass had; None where none was outlying.
     """
 
     maps: Array
@@ -105,6 +110,7 @@ class Solution:
     light: Array | None = None
     lighting: str = "none"
     body: NDArray[np.int32] | None = None
+    pixels: PixelWeights | None = None
 
     @property
     def failed(self) -> NDArray[np.bool_]:
@@ -195,10 +201,12 @@ def assembled(shape: tuple[int, int], parts: Sequence[tuple[int, Part, Solution]
         covariance,
         WindowStatistics(**statistics),
         flag=flag,
+        left=points["left"],
+        window=points["window"],
+        period=points["period"],
         bias=bias,
         lighting=lighting,
         body=body,
-        **points,
     )
 
 

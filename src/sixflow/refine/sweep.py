@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from sixflow.engine.blend import twist_of
 from sixflow.engine.interpolate import Interpolant
 from sixflow.engine.lowpass import smoothed
-from sixflow.engine.moments import cells_of
+from sixflow.engine.moments import Cells, cells_of
 from sixflow.engine.spline import noise_variance
 from sixflow.engine.sweep import (
     NORMAL,
     NORMAL_RANKS,
     OF_REFERENCE,
+    ON_GRADIENTS,
+    POWER_RANKS,
     SANDWICH,
     SANDWICH_RANKS,
     STATISTICS,
@@ -55,6 +57,11 @@ class Sweep:
         Seen from the middle: both frames are brought there by half.
     of_both : bool
         Sum the statistics of both frames, not of the reference alone: 8, not 5.
+
+    Attributes
+    ----------
+    masked : bool
+        Whether there are pixels that do not count, but for those that leave the frame.
     """
 
     def __init__(
@@ -73,6 +80,7 @@ class Sweep:
             still,
             Interpolant(moved.coefficients(degree), moved.interpolable(), noise),
         )
+        self.masked = bool(self._pair.valid.size or asked.size or self._pair.moved.valid.size)
         self._spare: list[NDArray[Any]] = []
         self._statistics = 0, 0, len(STATISTICS) if of_both else OF_REFERENCE
         b = self.lattice.spacing
@@ -81,10 +89,11 @@ class Sweep:
             cells_of(b, STATISTICS[: self._statistics[2]], self._statistics, self.dtype),
             cells_of(b, SANDWICH, SANDWICH_RANKS, self.dtype),
         )
+        self._power = cells_of(b, ON_GRADIENTS, POWER_RANKS, self.dtype)
 
     def moments(
         self, maps: NDArray[np.float64], *, total: bool = True, light: NDArray[Any] | None = None,
-        sandwich: bool = False, rows: tuple[int, int] | None = None,
+        sandwich: bool = False, power: bool = False, rows: tuple[int, int] | None = None,
     ) -> Moments:  # fmt: skip
         """Moments of all products at the nodes.
 
@@ -98,6 +107,8 @@ class Sweep:
             Gain and offset at the grid points, moved ≈ gain · reference + offset.
         sandwich : bool
             Sum r²g gᵀ as well. After a low-pass this takes images, as its gradients are filtered once more.
+        power : bool
+            In place of the sandwich, r²g_x² and r²g_y² alone, without X and Y.
         rows : (int, int), optional
             First and last (exclusive) row of the frame that counts; all if not given. The moments of the parts of a
             frame add up to those of the whole.
@@ -108,7 +119,7 @@ class Sweep:
                     f"rows={rows}: the sandwich after a low-pass is summed over whole frames; leave rows out"
                 )
             return self.moments_of(self.images(maps, total=total, light=light), sandwich=True)
-        motion, form = self._motion(maps, light), self._form(total)
+        motion, form, recipes = self._motion(maps, light), self._form(total), self._recipes_of(power)
         counted, everywhere = (0, self.shape[0]) if rows is None else rows, np.empty((0, 0), self.dtype)
 
         def task(strip: tuple[int, int], sums: list[NDArray[Any]], edges: list[NDArray[Any]]) -> None:
@@ -121,10 +132,10 @@ class Sweep:
                     height = max(STRIP, self.lattice.spacing)
                     buffer = np.empty((6 if self.central else 5, height, self.shape[1]), self.dtype)
                 images = self._swept(motion, form, top, bottom, buffer)
-                moment_strip(images, everywhere, self._recipes, part, _three(sums), _three(edges))
+                moment_strip(images, everywhere, recipes, part, _three(sums), _three(edges))
                 self._spare.append(buffer)
 
-        return self._summed(task, sandwich)
+        return self._summed(task, sandwich, power)
 
     def _swept(self, motion: Motion, form: Form, top: int, bottom: int, buffer: NDArray[Any]) -> Images:
         """Images of some rows, in the first rows of a buffer of shape (6, ≥ rows, width)."""
@@ -158,7 +169,12 @@ class Sweep:
         return images
 
     def moments_of(
-        self, images: Images, weight: NDArray[Any] | None = None, *, sandwich: bool = False
+        self,
+        images: Images,
+        weight: NDArray[Any] | None = None,
+        *,
+        sandwich: bool = False,
+        power: bool = False,
     ) -> Moments:
         """Moments of images, each pixel with a weight.
 
@@ -171,7 +187,10 @@ class Sweep:
             partner.
         sandwich : bool
             Sum r²g gᵀ as well; after a low-pass with gradients that are filtered once more.
+        power : bool
+            As for `moments`.
         """
+        recipes = self._recipes_of(power)
         weights = np.empty((0, 0), self.dtype) if weight is None else weight
         again = sandwich and self.lowpass > 0
 
@@ -179,9 +198,9 @@ class Sweep:
             part = self.lattice.part(strip, (0, self.shape[0]))
             top, bottom = part.rows
             seen = rows_of(images, top, bottom)
-            moment_strip(seen, weights[top:bottom], self._recipes, part, _three(sums), _three(edges))
+            moment_strip(seen, weights[top:bottom], recipes, part, _three(sums), _three(edges))
 
-        moments = self._summed(task, sandwich and not again)
+        moments = self._summed(task, sandwich and not again, power)
         if not again:
             return moments
         filtered = self.filtered(images, weight)
@@ -206,10 +225,16 @@ class Sweep:
         plain.lowpass = 0.0
         return plain
 
-    def _summed(self, task: Any, sandwich: bool) -> Moments:
-        ranks = NORMAL_RANKS, self._statistics, SANDWICH_RANKS if sandwich else (0, 0, 0)
+    def _recipes_of(self, power: bool) -> tuple[Cells, Cells, Cells]:
+        """What is summed of the pixels."""
+        normal, statistics, sandwich = self._recipes
+        return normal, statistics, self._power if power else sandwich
+
+    def _summed(self, task: Any, sandwich: bool, power: bool) -> Moments:
+        third_of = SANDWICH_RANKS if sandwich else POWER_RANKS if power else (0, 0, 0)
+        ranks = NORMAL_RANKS, self._statistics, third_of
         normal, statistics, third = summed(self.lattice, ranks, self.dtype, task)
-        return Moments(self.lattice, normal, statistics, third if sandwich else None)
+        return Moments(self.lattice, normal, statistics, third if sandwich or power else None)
 
     def _form(self, total: bool) -> Form:
         return Form(self.degree + 1, total, self.central)

@@ -15,7 +15,7 @@ from sixflow.engine.sweep import NORMAL_RANKS, SANDWICH_RANKS
 from sixflow.engine.threads import over_strips
 from sixflow.engine.windows import Layout, taps_across, taps_down, window_strip
 from sixflow.maps.grid import Grid
-from sixflow.refine.moments import Lattice, Moments, Ranks, node_spacing, summed
+from sixflow.refine.moments import Lattice, Moments, Ranks, node_spacing, sandwich_ranks, summed
 
 GRID_STRIP = 16
 
@@ -31,7 +31,8 @@ class WindowSums:
     statistics : array, shape (rows, columns, 5 or 8)
         Of 1, |r|, r², I₀, I₀², I₁, I₁², I₀I₁ over the pixels that have a partner; without I₁ the first five.
     sandwich : array, shape (rows, columns, 18), or None
-        Of r²g_x², r²g_x g_y, r²g_y² times 1, X, Y, X², XY, Y², under the square of the window.
+        Of r²g_x², r²g_x g_y, r²g_y² times 1, X, Y, X², XY, Y², under the square of the window. Or of r²g_x² and r²g_y²
+        under the window itself, shape (rows, columns, 2).
     """
 
     normal: NDArray[Any]
@@ -54,7 +55,9 @@ def window_sums(moments: Moments, grid: Grid, sigma: float) -> WindowSums:
     statistics = 0, 0, planes.statistics.shape[1]
     sandwich = None
     if planes.sandwich is not None:
-        sandwich = sums_of(planes.sandwich, SANDWICH_RANKS, lattice, grid, sigma, power=2)
+        ranks = sandwich_ranks(planes.sandwich)
+        power = 2 if ranks == SANDWICH_RANKS else 1
+        sandwich = sums_of(planes.sandwich, ranks, lattice, grid, sigma, power=power)
     return WindowSums(
         sums_of(planes.normal, NORMAL_RANKS, lattice, grid, sigma),
         sums_of(planes.statistics, statistics, lattice, grid, sigma),

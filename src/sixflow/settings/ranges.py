@@ -85,12 +85,6 @@ def check_together(settings: Settings) -> None:
         f"must be 0 with group={s.group!r}: sharpening needs all six numbers; take group='affine'",
     )
     require(
-        s.window != "auto" or (s.method == "least_squares" and s.group == "affine"),
-        "window",
-        s.window,
-        "needs method='least_squares' and group='affine'; otherwise give a number of pixels, such as 31",
-    )
-    require(
         s.lowpass == 0 or s.method == "least_squares",
         "lowpass",
         s.lowpass,

@@ -28,10 +28,10 @@ class Settings:
     Parameters
     ----------
     window : float or "auto"
-        Side of the square subset of the same noise, px, from 5 to the frames' smaller side. The weight is a Gaussian of
-        σ = window/√(4π) = window/3.545. Larger: less noise, less resolution. "auto" measures with windows from
-        8 to 62 px, sharpened, and takes at each point the one of least expected error; `resolution` in the
-        field says how fine it is.
+        "auto" measures with windows from 8 to 62 px, sharpened, and takes at each point the one of least expected
+        error; `resolution` in the field says how fine it is. A number is the side of the square subset of the same
+        noise, px, from 5 to the frames' smaller side, for all points. The weight is a Gaussian of
+        σ = window/√(4π) = window/3.545. Larger: less noise, less resolution.
     step : int
         Distance between grid points, px, at least 1. It sets the density of points, not the resolution.
     method : {"least_squares", "eigenfilter"}
@@ -163,8 +163,8 @@ class Settings:
 
     @property
     def sigma(self) -> float:
-        """Standard deviation of the Gaussian weight, px: window/√(4π)."""
-        return float(self.window) / math.sqrt(4 * math.pi)
+        """Standard deviation of the Gaussian weight, px: window/√(4π); NaN for "auto"."""
+        return math.nan if self.window == "auto" else float(self.window) / math.sqrt(4 * math.pi)
 
     def replace(self, /, **changes: Any) -> Settings:
         """Return the settings with some values changed.

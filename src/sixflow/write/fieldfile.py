@@ -25,7 +25,9 @@ Writer: TypeAlias = Callable[[Path, Iterator[xr.Dataset]], None]
 
 _MODULES = {".nc": "netcdf", ".zarr": "zarrstore", ".csv": "table"}
 
-_KINDS = dict.fromkeys((*SIX, "covariance", "residual", "noise", "resolution", "flag", "x", "y"), "iuf")
+_KINDS = dict.fromkeys(
+    (*SIX, "covariance", "bias", "residual", "noise", "resolution", "flag", "x", "y"), "iuf"
+)
 """Kinds of NumPy's types that the variables have."""
 
 _PAIRS = 64

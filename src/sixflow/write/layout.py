@@ -43,8 +43,8 @@ def fill_value(name: str, variable: xr.Variable) -> Any:
     np.float32(nan)
     """
     kind, dtype = variable.dtype.kind, variable.dtype
-    if kind == "f":
-        return dtype.type(np.nan)
+    if kind == "f":  # a bias that is NaN was not estimated; one that is missing may be of any size
+        return dtype.type(np.inf if name == "bias" else np.nan)
     if kind not in "iu":
         return None
     most = np.iinfo(dtype).max
@@ -72,7 +72,7 @@ def incomplete_coordinates(field: xr.Dataset) -> list[str]:
 
 def in_order(field: xr.Dataset) -> xr.Dataset:
     """Return the field with its variables in the usual order, which stores do not keep; others come last."""
-    known = (*SIX, "covariance", "residual", "noise", "resolution", "flag")
+    known = (*SIX, "covariance", "bias", "residual", "noise", "resolution", "flag")
     others = sorted(str(name) for name in field.data_vars if name not in known)
     return field[[name for name in known if name in field.data_vars] + others]
 

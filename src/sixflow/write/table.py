@@ -1,8 +1,8 @@
 """Tables: a field as CSV text, one row per point and time, for spreadsheets and statistics programs.
 
 Lines that start with ``#`` tell version, settings and the meaning of the columns; column names carry the
-unit, as in ``u_px``. Standard errors (``u_se_px``) stand beside their values. Points without a value have
-empty cells.
+unit, as in ``u_px``. Standard errors (``u_se_px``), of noise and bias together, and the roots of the biases
+(``u_bias_px``) stand beside their values. Points without a value have empty cells.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from sixflow.field.dataset import FLAGS, OF_PAIRS
+from sixflow.field.uncertainty import total_covariance
 
 Array: TypeAlias = NDArray[Any]
 
@@ -47,7 +48,7 @@ def _comments(field: xr.Dataset, columns: dict[str, tuple[Array, str]]) -> Itera
 def _columns(field: xr.Dataset) -> dict[str, tuple[Array, str]]:
     """Return the values of each column, one per point and time, and its meaning."""
     columns = {}
-    errors = _standard_errors(field)
+    errors, biases = _standard_errors(field), _biases(field)
     coordinates = [name for name in (*OF_PAIRS, "y", "x") if name in field.coords]
     for name in (*coordinates, *map(str, field.data_vars)):
         variable = field[name].variable
@@ -56,6 +57,9 @@ def _columns(field: xr.Dataset) -> dict[str, tuple[Array, str]]:
             columns[_header(name, variable)] = _flat(variable, field), meaning
         if name in errors:
             columns[_header(f"{name}_se", variable)] = _flat(errors[name], field), f"standard error of {name}"
+        if name in biases:
+            meaning = f"what the window leaves out of {name}, root of the expected square"
+            columns[_header(f"{name}_bias", variable)] = _flat(biases[name], field), meaning
     return columns
 
 
@@ -70,14 +74,24 @@ def _header(name: str, variable: xr.Variable) -> str:
 
 
 def _standard_errors(field: xr.Dataset) -> dict[str, xr.Variable]:
-    """Return the square roots of the diagonal of the covariance, by the name of the number."""
+    """Return the standard errors of noise and bias together, by the name of the number."""
     if "covariance" not in field or "param" not in field.coords:
         return {}
-    variable = field["covariance"].variable.transpose(..., "param", "param2")
+    variable = total_covariance(field).variable
     variances = np.diagonal(variable.values, axis1=-2, axis2=-1)
     variances = np.where(variances >= 0, variances, np.nan)
     names = map(str, field["param"].values)
     return {name: xr.Variable(variable.dims[:-2], np.sqrt(variances[..., k])) for k, name in enumerate(names)}
+
+
+def _biases(field: xr.Dataset) -> dict[str, xr.Variable]:
+    """Return the square roots of the biases, by the name of the number."""
+    if "bias" not in field or "param" not in field.coords:
+        return {}
+    variable = field["bias"].variable.transpose(..., "param")
+    names = map(str, field["param"].values)
+    roots = np.sqrt(variable.values)
+    return {name: xr.Variable(variable.dims[:-1], roots[..., k]) for k, name in enumerate(names)}
 
 
 def _words(flags: Array) -> Array:
