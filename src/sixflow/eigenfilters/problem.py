@@ -187,8 +187,16 @@ class EigenfilterProblem:
             weakest = (a + c) / 2 - np.sqrt((a - c) ** 2 / 4 + b**2)
             rho = 2 * gamma / (a + c)
             texture = np.where(weakest > 1e-4 * (a + c), weakest / gamma / _SHARED_NOISE, 0.0)
+            steepness = np.sqrt(
+                np.maximum(normal[..., 0, 0] * normal[..., 3, 3] - normal[..., 0, 3] ** 2, 0.0)
+            )
+            cells = 4 * self.sigma**2 * weight * steepness * array.frame_constant / contrast
+            correlation = 1 - residual**2 / 2
         noise, lacking = above_floor(noise, self.floor)
-        return WindowStatistics(weight, noise, residual, left, gamma, texture, rho, None, lacking)
+        return WindowStatistics(
+            weight, noise, residual, left, gamma, texture, rho, None, lacking,
+            correlation=correlation, cells=cells,
+        )  # fmt: skip
 
     def _covariance(self, found: EigenfilterPass, sharpen: int) -> Real:
         array, pool, equations, statistics = self.array, self.pool, found.equations, found.statistics

@@ -1,8 +1,9 @@
 """Flags: which points of a solution were measured, and what is to be said of the others.
 
-A point has to have texture above the noise and a standard error below `MAXIMUM_ERROR`, a window that looks alike in
-both frames, a place in both, and has to stay where it is from pass to pass. Its neighbours have to predict it
-(`sixflow.maps.neighbours`, `sixflow.judge.contradiction`), and most of them have to be measured too.
+A point has to have texture above the noise (`sixflow.judge.texture`) and a standard error below `MAXIMUM_ERROR`, a
+place in both frames, and has to stay where it is from pass to pass. Its neighbours have to predict it
+(`sixflow.maps.neighbours`, `sixflow.judge.contradiction`), and its window has to match, by itself or with theirs
+(`sixflow.judge.match`).
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.convention.reference import SHARE
 from sixflow.engine.rows import LEAST_AREA
-from sixflow.engine.weigh import by_chance
 from sixflow.judge.contradiction import (
     at_edge,
     disagreement,
@@ -23,20 +23,18 @@ from sixflow.judge.contradiction import (
     gradient_variances,
     stands_out,
 )
+from sixflow.judge.match import matches
+from sixflow.judge.texture import is_textured, least_texture
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import AGREEMENT, CURVED, LIMIT, curvature, median_outliers
 from sixflow.maps.placing import leaves, masked_points
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
-from sixflow.refine.problem import MINIMUM_KEPT, MINIMUM_TEXTURE, MINIMUM_WEIGHT
+from sixflow.refine.problem import MINIMUM_KEPT, MINIMUM_WEIGHT
 from sixflow.refine.solution import Solution
 
 MAXIMUM_ERROR = 0.5
 """px: a larger standard error is no measurement."""
-MAXIMUM_RESIDUAL = 1.0
-"""Of a zero-normalised residual: correlation 0.5."""
-SUSPECT_RESIDUAL = 0.6
-"""Residual that is enough to call a window unmatched whose texture does not rise above it."""
 COMPLETE_WEIGHT = 0.98
 """Share of a window on pixels that have a partner, below which it is cut by a border."""
 
@@ -61,13 +59,32 @@ def judged(found: Solution, grid: Grid, reference: Frame, plan: Plan) -> Solutio
     agreement += CURVED / LIMIT * curvature(trusted, grid.step, reach)
     flag[median_outliers(trusted, grid.step, reach, agreement)] |= FLAGS["outlier"]
     trusted[:, (flag & FAILING).astype(bool)] = np.nan
-    flag |= _among_neighbours(trusted, found, grid, plan)
-    flag[_unsupported((flag & FAILING).astype(bool) & ~masked, masked)] |= FLAGS["outlier"]
-    failed = (flag & FAILING).astype(bool) | masked
-    islands = _islands(failed, found.statistics.residual, (plan.window.size / grid.step) ** 2)
-    flag[islands] |= FLAGS["outlier"]
+    variances = gradient_variances(found.covariance)
+    flag |= _among_neighbours(trusted, found, variances, grid, plan)
+    trusted[:, (flag & FAILING).astype(bool)] = np.nan
+    unmatched = ~matches(found, trusted, variances, grid.step)
+    flag[unmatched] |= FLAGS["unmatched"]
     flag[masked] = FLAGS["masked"]
-    return found.replace(flag=flag)
+    return found.replace(flag=_with_reasons(flag, unmatched, found, grid, reference, plan))
+
+
+def _with_reasons(
+    flag: NDArray[np.uint16],
+    unmatched: NDArray[np.bool_],
+    found: Solution,
+    grid: Grid,
+    frame: Frame,
+    plan: Plan,
+) -> NDArray[np.uint16]:
+    """Tell windows without texture from those that have it and do not match: their residual is no noise."""
+    failed = ((flag & (FLAGS["low_texture"] | FLAGS["unmatched"])) != 0) & ((flag & FLAGS["masked"]) == 0)
+    if not failed.any():
+        return flag
+    textured = is_textured(frame.image, grid, plan.window.size, found.statistics.noise[~unmatched])
+    low = FLAGS["low_texture"]
+    flag[failed & unmatched & textured] &= np.uint16(~low & 0xFFFF)
+    flag[failed & ~textured] |= low
+    return flag
 
 
 def _error(found: Solution) -> NDArray[np.float64]:
@@ -84,24 +101,24 @@ def _by_itself(found: Solution, grid: Grid, shape: tuple[int, ...], plan: Plan) 
         error = _error(found)
         outside = leaves(maps, grid, (shape[0], shape[1]), plan.reference)
         unknown = np.isnan(maps).any(axis=0)
-        measurable = (statistics.texture > MINIMUM_TEXTURE) & (error < MAXIMUM_ERROR)
+        textured = statistics.texture > least_texture(found.window**2 * statistics.weight)
+        measurable = textured & (error < MAXIMUM_ERROR)
         partner = statistics.weight if statistics.partner is None else statistics.partner
         flag[partner < COMPLETE_WEIGHT] |= FLAGS["border"]
         flag[unknown | ~measurable] |= FLAGS["low_texture"]
-        unlike = statistics.residual > np.where(measurable, MAXIMUM_RESIDUAL, SUSPECT_RESIDUAL)
-        if statistics.matched is not None:
-            unlike |= ~(statistics.matched > by_chance(statistics.residual))
-        gone = (outside & ~unknown) | (partner < MINIMUM_WEIGHT) | (statistics.weight < MINIMUM_KEPT) | unlike
+        gone = (outside & ~unknown) | (partner < MINIMUM_WEIGHT) | (statistics.weight < MINIMUM_KEPT)
         flag[gone] |= FLAGS["unmatched"]
         flag[_collapses(maps, plan.reference)] |= FLAGS["outlier"]
         flag[found.left > np.maximum(2 * plan.tolerance, error / 2)] |= FLAGS["not_converged"]
     return flag
 
 
-def _among_neighbours(maps: NDArray[Any], found: Solution, grid: Grid, plan: Plan) -> NDArray[np.uint16]:
+def _among_neighbours(
+    maps: NDArray[Any], found: Solution, variances: NDArray[np.float64], grid: Grid, plan: Plan
+) -> NDArray[np.uint16]:
     """Flags of outliers in gradient, edges, what is unresolved, and residuals that stand out (`contradiction`)."""
     flag, statistics = np.zeros(grid.shape, np.uint16), found.statistics
-    variances, period = gradient_variances(found.covariance), plan.window.period
+    period = plan.window.period
     flag[gradient_outliers(maps, variances, grid.step, period)] |= FLAGS["outlier"]
     apart = disagreement(maps, variances, grid.step, period)
     edge = at_edge(apart, statistics.outlying, statistics.outlying_centre)
@@ -136,24 +153,6 @@ def _neighbours(points: NDArray[np.bool_]) -> NDArray[np.int8]:
             if (j, i) != (1, 1):
                 total += around[j : j + rows, i : i + columns]
     return total
-
-
-def _islands(failed: NDArray[np.bool_], residual: NDArray[Any], window: float) -> NDArray[np.bool_]:
-    """Connected points, no more than one window holds, that match poorly: they see the same pixels and confirm nothing.
-
-    `window` is the number of grid points in one.
-    """
-    if not failed.any() or failed.all():
-        return np.zeros(failed.shape, np.bool_)
-    from scipy.ndimage import label, median
-
-    number, count = label(~failed, np.ones((3, 3)))
-    every = np.arange(1, count + 1)
-    small = np.bincount(number.ravel(), minlength=count + 1)[1:] <= window
-    if not small.any():
-        return np.zeros(failed.shape, np.bool_)
-    poor = np.asarray(median(residual, number, every)) > SUSPECT_RESIDUAL
-    return np.append(False, small & poor)[number]
 
 
 def _collapses(maps: NDArray[Any], reference: str) -> NDArray[np.bool_]:

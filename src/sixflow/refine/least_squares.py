@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
 from sixflow.refine.covariance import above_floor, covariance_of_pass, shrunk_noise, solution_of_pass
 from sixflow.refine.light import light_of_windows
+from sixflow.refine.likeness import coarseness, likeness, textured_area
 from sixflow.refine.moments import Moments, node_spacing
 from sixflow.refine.problem import Pass, PixelWeights, State
 from sixflow.refine.solution import Solution, WindowStatistics
@@ -111,7 +113,6 @@ class LeastSquares:
             degree=plan.degree,
             lowpass=plan.lowpass,
             central=self.central,
-            of_both=plan.lighting == "gain+offset",
         )
         self.floor = floor_of_windows(still, moved, grid, self.sigma)
         self.rounded = max(still.rounded, moved.rounded)
@@ -170,6 +171,7 @@ class LeastSquares:
         """Return the field that a last pass found (`Problem.solution`)."""
         assert isinstance(found, LeastSquaresPass)
         covariance, statistics = covariance_of_pass(self, found, sharpened=sharpened)
+        statistics = dataclasses.replace(statistics, cells=self._cells(found))
         solution = solution_of_pass(
             self.plan, covariance, statistics, maps, left, sharpened=sharpened, held=held
         )
@@ -192,6 +194,21 @@ class LeastSquares:
             GRID_STRIP,
         )
         return out
+
+    def _cells(self, found: LeastSquaresPass) -> Array:
+        """Independent cells of texture in every window."""
+        area = textured_area(found.moments, found.sums, self.grid, self.sigma)
+        density = likeness(found.sums)[1] / self._coarseness
+        if not self.central:  # gradients are along the axes of the moved frame
+            density = density * np.abs(
+                (1 + found.start[2]) * (1 + found.start[5]) - found.start[3] * found.start[4]
+            )
+        with np.errstate(invalid="ignore"):
+            return np.asarray(area * density)
+
+    @cached_property
+    def _coarseness(self) -> float:
+        return coarseness(self.still.image, self.moved.image, self.sigma)
 
     def _solution(self, sums: WindowSums, maps: Array, total: bool) -> tuple[Array, Array]:
         """The solution of the normal equations, and the change of the motion that it makes."""
@@ -246,7 +263,11 @@ class LeastSquares:
             GRID_STRIP,
         )
         noise, lacking = above_floor(noise, self.floor)
-        return WindowStatistics(weight, noise, residual, left, noise_gradient, texture, rho, tail, lacking)
+        correlation, density = likeness(sums)
+        return WindowStatistics(
+            weight, noise, residual, left, noise_gradient, texture, rho, tail, lacking,
+            correlation=correlation, cells=4 * math.pi * self.sigma**2 * weight * density,
+        )  # fmt: skip
 
     def _gradient_noise(self, noise: Array, weight: Array) -> Array:
         """γ: what noise adds to Σ w g_x²."""

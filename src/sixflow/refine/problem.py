@@ -27,8 +27,6 @@ MINIMUM_WEIGHT = 0.2
 """Share of a window on pixels that have a partner, below which a point is not measured."""
 MINIMUM_KEPT = 0.1
 """The same where outlying pixels are down-weighted: fewer pixels could match by chance."""
-TRUSTED_RESIDUAL = 0.6
-"""Zero-normalised residual (correlation 0.82) of a start that finer levels build upon."""
 FREEZE = 10
 """Weighed passes after which the weights stay: pixels in doubt could change sides for ever."""
 CONTRACTION = 0.05
@@ -119,12 +117,6 @@ class Pass:
         with np.errstate(invalid="ignore"):
             enough = self.statistics.weight > least
             return np.asarray(enough & (self.statistics.texture > MINIMUM_TEXTURE))
-
-    @property
-    def trusted(self) -> NDArray[np.bool_]:
-        """Where the windows look alike besides."""
-        with np.errstate(invalid="ignore"):
-            return self.measurable & (self.statistics.residual < TRUSTED_RESIDUAL)
 
     @property
     def changing(self) -> bool:

@@ -53,6 +53,10 @@ class WindowStatistics:
         Share of the window's weight, and of that of a window of half the size, that outlying pixels lost.
     matched : array or None
         Share of the gradients' squares, less noise, on the pixels that were not left out.
+    correlation : array or None
+        Zero-normalised correlation of the two windows. None: not known.
+    cells : array or None
+        Independent cells of texture in the window (`sixflow.refine.likeness`). None: not known.
     """
 
     weight: Array
@@ -68,6 +72,8 @@ class WindowStatistics:
     outlying: Array | None = None
     outlying_centre: Array | None = None
     matched: Array | None = None
+    correlation: Array | None = None
+    cells: Array | None = None
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,0 +1,87 @@
+"""Texture: do the gradients of a window rise above noise in every direction?
+
+Noise alone makes the mean of ∇I ∇Iᵀ under a window the unit matrix times γ, and each of its eigenvalues scatters by
+
+    √(2/n) γ,
+
+n the pixels of the window, of which each has a gradient of its own. With λ₁ the smaller eigenvalue, λ₁ − γ has to
+exceed `normal_limit` times that, and that times √2, since γ is known from as many pixels.
+
+Where windows do not match, their residual is no noise. Then frame 0 alone is asked: differences of neighbours two
+pixels apart have ½ n² of noise, n that of the windows that match, or, where none does, the mean power of the frame at
+the frequencies above π/2 along both axes: white noise is there as everywhere, and of texture little is.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sixflow.engine.fir import filter_separable
+from sixflow.engine.window import CUT, window_sigma
+from sixflow.judge.chance import normal_limit
+from sixflow.maps.grid import Grid
+from sixflow.refine.likeness import spectrum_of
+
+Array = NDArray[np.float64]
+
+
+def least_texture(pixels: NDArray[Any] | float) -> Array:
+    """(λ₁ − γ)/γ that texture has to exceed in a window of so many pixels.
+
+    Examples
+    --------
+    >>> least_texture(np.array([64.0, 961.0])).round(2)
+    array([0.97, 0.25])
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(normal_limit() * 2 / np.sqrt(pixels))
+
+
+def gradient_power(image: NDArray[Any], grid: Grid, window: float) -> tuple[Array, Array]:
+    """λ₁ and λ₂ of every window, from every second pixel; each (rows, columns)."""
+    x, y = (
+        (image[1:-1:2, 2::2] - image[1:-1:2, :-2:2]) / 2,
+        (image[2::2, 1:-1:2] - image[:-2:2, 1:-1:2]) / 2,
+    )
+    height, width = min(len(x), len(y)), min(x.shape[1], y.shape[1])
+    x, y = x[:height, :width], y[:height, :width]
+    sigma = window_sigma(window) / 2
+    half = np.exp(-((np.arange(math.ceil(CUT * sigma) + 1) / sigma) ** 2) / 2)
+    half /= half[0] + 2 * half[1:].sum()
+    at = np.ix_(np.clip(grid.y // 2, 0, height - 1), np.clip(grid.x // 2, 0, width - 1))
+    a, b, c = (
+        filter_separable(np.ascontiguousarray(product), half)[at].astype(np.float64)
+        for product in (x * x, x * y, y * y)
+    )
+    middle, radius = (a + c) / 2, np.hypot((a - c) / 2, b)
+    return middle - radius, middle + radius
+
+
+def is_textured(image: NDArray[Any], grid: Grid, window: float, noise: NDArray[Any]) -> NDArray[np.bool_]:
+    """Where frame 0 alone has texture in every direction.
+
+    Parameters
+    ----------
+    image : array, shape (height, width)
+    grid : Grid
+    window : float
+        px.
+    noise : array
+        Of one frame, where it is known.
+    """
+    power = noise_power(image, window) if not noise.size else float(np.nanmedian(noise)) ** 2
+    weakest, _ = gradient_power(image, grid, window)
+    # every second pixel is asked
+    return np.asarray(weakest > power / 2 * (1 + least_texture(window**2 / 4)))
+
+
+def noise_power(image: NDArray[Any], window: float) -> float:
+    """Power of the white noise that a frame can have at most: that of its spectrum where frequencies are high."""
+    power = spectrum_of(image, window_sigma(window))
+    quarter = len(power) // 4
+    high = slice(quarter, len(power) - quarter + 1)
+    return float(power[high, high].mean())
