@@ -35,7 +35,7 @@ def scene(*answers):
     """A scene that gives these answers, one after the other, and the starts that it was asked for."""
     starts, left = [], list(answers)
 
-    def judge(start, _):
+    def judge(start, *_):
         starts.append(start)
         return left.pop(0)
 
