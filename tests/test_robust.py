@@ -252,6 +252,16 @@ def test_dead_pixels_are_found_and_no_others():
         assert (found & ~is_dead).sum() <= 0.01 * is_dead.sum()
 
 
+@pytest.mark.parametrize("diameter", [1.0, 1.3])
+@pytest.mark.parametrize("shift", [0.02, 0.1])
+def test_slow_particles_as_small_as_pixels_are_no_defects(diameter, shift):
+    """They stay where they are and stand alone, but light the pixels beside them."""
+    pattern = Particles(diameter=diameter, density=0.02, rigid=True, seed=1, unmatched=0.1)
+    motion = measured.affine((shift, shift / 2, 0, 0, 0, 0), SHAPE)
+    made = pair(pattern, motion, SHAPE, sensor=Sensor(noise=2, bits=8), pixel_integration=4)
+    assert defects(made.frame0, made.frame1).shape[1] == 0
+
+
 def test_frames_without_defects_stay_what_they_are():
     made = exposed(Speckle(seed=4))
     frames = [Frame(f, NO_MASK) for f in (made.frame0, made.frame1)]

@@ -51,6 +51,10 @@ Gaussian noise.
 """
 ALIKE = 3
 """Independent pixels among a pixel and its eight neighbours, at least."""
+BLOCK = 64
+"""px: side of the blocks in which changes of weights are judged."""
+TYPICAL = 0.98
+"""Of the blocks have to stay: pixels in doubt change sides for ever in a few of them."""
 _ROUNDS = 2
 """Times that weights are found from one residual: scales without the pixels that the first time left out."""
 _STRIP = 64
@@ -114,6 +118,37 @@ def spread_strip(raw: NDArray[Any], start: int, stop: int, weight: NDArray[Any])
         out[width - 1] = min(column[width - 1], column[max(width - 2, 0)])
 
 
+@kernel
+def changes_strip(
+    before: NDArray[Any], weight: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any],
+    start: int, stop: int, sums: NDArray[Any],
+) -> None:  # fmt: skip
+    """Σ |change of ω| |g|² and Σ |g|² of the blocks of rows start … stop; `sums` is (2, block rows, block columns)."""
+    height, width = weight.shape
+    for j in range(start, stop):
+        for i in range(sums.shape[2]):
+            change, power = 0.0, 0.0
+            for y in range(j * BLOCK, min((j + 1) * BLOCK, height)):
+                for x in range(i * BLOCK, min((i + 1) * BLOCK, width)):
+                    square = gradient_x[y, x] ** 2 + gradient_y[y, x] ** 2
+                    if square == square:
+                        change += abs(weight[y, x] - before[y, x]) * square
+                        power += square
+            sums[0, j, i], sums[1, j, i] = change, power
+
+
+def _typical_change(
+    before: NDArray[Any], weight: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any]
+) -> float:
+    """Share of a block's Σ |g|² that a change of weights moves, which `TYPICAL` of the blocks do not exceed."""
+    height, width = weight.shape
+    sums = np.empty((2, -(-height // BLOCK), -(-width // BLOCK)))
+    over_strips(
+        lambda a, b: changes_strip(before, weight, gradient_x, gradient_y, a, b, sums), sums.shape[1], 1
+    )
+    return float(np.quantile(sums[0] / np.maximum(sums[1], np.finfo(np.float64).tiny), TYPICAL))
+
+
 def weight_slope(raw: NDArray[Any], weight: NDArray[Any]) -> NDArray[Any]:
     """R dω/dr of every pixel: 0 where ω is 0 or 1, or is that of a neighbour."""
     span = NONE**2 - FULL**2
@@ -141,8 +176,8 @@ def by_chance(residual: NDArray[Any]) -> NDArray[np.float64]:
 
 def find_weights(
     residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], still: NDArray[Any],
-    raw: NDArray[Any], weight: NDArray[Any],
-) -> None:  # fmt: skip
+    raw: NDArray[Any], weight: NDArray[Any], stays: float = 0.0,
+) -> float:  # fmt: skip
     """Find ω of every pixel.
 
     Parameters
@@ -155,9 +190,17 @@ def find_weights(
         Receives the weight of every pixel by itself.
     weight : array, shape (height, width)
         ω as found before, 1 to begin with. Receives ω; 1 where a pixel has no partner.
+    stays : float
+        Share of the information below which a change of weights is none.
+
+    Returns
+    -------
+    float
+        Share of the information, Σ |g|² of a block of 64 × 64 px, that changed; `TYPICAL` of the blocks changed less.
     """
-    height = residual.shape[0]
+    height, first = residual.shape[0], weight.copy()
     for _ in range(_ROUNDS):
+        before = weight.copy()
         scales = scales_of(residual, gradient_x, gradient_y, still, weight)
         over_strips(
             lambda a, b, scales=scales: raw_weights_strip(  # type: ignore[misc]
@@ -167,3 +210,6 @@ def find_weights(
             _STRIP,
         )
         over_strips(lambda a, b: spread_strip(raw, a, b, weight), height, _STRIP)
+        if _typical_change(before, weight, gradient_x, gradient_y) <= stays:
+            break
+    return _typical_change(first, weight, gradient_x, gradient_y)

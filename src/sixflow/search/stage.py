@@ -11,7 +11,7 @@
 |---|---|
 | more than `MISSED` | growth |
 | more than `LOST` | one affine map of the whole frames, coarse to fine from it, and growth |
-| still more than `LOST` | coarse to fine with windows of half the size, growth, and from there with the window asked for |
+| still more than `LOST` | coarse to fine with windows of half the size, growth, and then the window asked for |
 | still more than `LOST` | for a few regions, the largest first: one affine map, and growth, each region by itself |
 
 Of two fields, that with fewer missed points is kept. In the end points in doubt are tried again (`doubt`), but for
@@ -111,7 +111,7 @@ class _Search:
         return found
 
     def by_smaller_windows(self, found: Solution) -> Solution:
-        """What windows of half the size see: where the motion turns or stretches much over a window, they still match."""
+        """What windows of half the size see: they match where the motion turns or stretches much over a whole one."""
         plan = self.scene.plan
         smaller = plan.replace(window=Window(plan.window.size / 2))
         scene = dataclasses.replace(self.scene, plan=smaller)
