@@ -125,7 +125,7 @@ class Body:
         """What the search finds, or what a start leads to."""
         plan = self.plan.of_search
 
-        def judge(maps: NDArray[Any], still: Frame) -> Solution:
+        def judge(maps: NDArray[Any], still: Frame, plan: Plan) -> Solution:
             part = self if still is self.still else dataclasses.replace(self, still=still, asked=still)
             return part._measured(maps, plan)
 
@@ -133,10 +133,11 @@ class Body:
         if start is not None:
             if self.plan.share:
                 start = dataclasses.replace(start, maps=placed(start.maps, self.grid, -self.plan.share))
-            begun = judge(start.maps, self.still)
+            begun = judge(start.maps, self.still, plan)
             if start.succeeded(begun.flag, self.grid, plan):
                 return begun
-        found = find_motion(Scene(self.still, self.moved, self.grid, plan, judge), guess)
+        refined = bool(self.plan.ladder)
+        found = find_motion(Scene(self.still, self.moved, self.grid, plan, judge, refined), guess)
         return found if begun is None or found.share_failed < begun.share_failed else begun
 
     def _refined(self, found: Solution) -> Solution:
