@@ -154,7 +154,8 @@ class Spectra:
     def _deformed(self) -> NDArray[np.float64]:
         """What the mean deformation changes in the power, of every tile alike."""
         mean = np.fft.fftshift(self.power.mean(axis=(0, 1)), axes=0)
-        down, across = np.gradient(mean, 2 * np.pi / SIDE)
+        # of the logarithm: spectra of blobs fall by powers of e from one frequency to the next
+        down, across = mean * np.gradient(np.log(np.maximum(mean, 1e-30)), 2 * np.pi / SIDE)
         slopes = np.fft.ifftshift(across, axes=0), np.fft.ifftshift(down, axes=0)
         out: NDArray[np.float64] = sum(
             k * self.gradient[j, i] * slopes[i] / 2 for j, k in enumerate((KX, KY)) for i in range(2)

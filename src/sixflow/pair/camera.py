@@ -7,6 +7,7 @@ import numpy as np
 from sixflow.convention.flags import FLAGS
 from sixflow.judge.spectra import Spectra
 from sixflow.judge.standing import stands_still
+from sixflow.maps.six import six_of_maps
 from sixflow.plan import Plan
 from sixflow.prepare.lighting import Change
 from sixflow.prepare.prepare import PreparedPair
@@ -15,10 +16,10 @@ from sixflow.refine.solution import Solution
 from sixflow.settings import Settings
 
 
-def notes_of_camera(
+def seen_of_camera(
     pair: PreparedPair, found: Solution, plan: Plan, asked: Settings, numbers: tuple[int, int], scale: float
-) -> tuple[str, ...]:
-    """Notes on light, sharpness, and what stands still.
+) -> tuple[Solution, tuple[str, ...]]:
+    """Notes on light, sharpness, and what stands still; what this takes of the motion is in the bias.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ def notes_of_camera(
         notes = change.notes(asked, found.lighting, numbers) if shown else ()
     spectra = Spectra.of(tiles)
     if spectra is None:
-        return notes
+        return found, notes
     pair_of_frames = f"frames {numbers[0]} and {numbers[1]}"
     blur = spectra.blur()
     if blur is not None:
@@ -64,4 +65,13 @@ def notes_of_camera(
             "reflections or a static layer, or particles finer than the pixels; motion may be pulled towards it; "
             "of a recording, fixed_pattern=True takes out what all frames have in common",
         )
-    return notes
+        found = held_back(found, share)
+    return found, notes
+
+
+def held_back(found: Solution, share: float) -> Solution:
+    """The field with a bias that contains a share of the motion itself; unchanged where the share is not positive."""
+    if share <= 0:
+        return found
+    lacking = np.square(share * six_of_maps(found.maps))
+    return found.replace(bias=lacking if found.bias is None else found.bias + lacking)

@@ -23,7 +23,7 @@ from sixflow.masks import AnyBodies, Bodies, Masks
 from sixflow.masks.outlines import region_of
 from sixflow.masks.said import said_of_mask
 from sixflow.pair.bodies import PairBodies
-from sixflow.pair.camera import notes_of_camera
+from sixflow.pair.camera import seen_of_camera
 from sixflow.pair.result import PairResult, field_of_pair, result_of_solution, same_content
 from sixflow.pair.start import Start
 from sixflow.pair.unmeasured import repeated
@@ -172,7 +172,8 @@ class Session:
         bodies = PairBodies(pair.reference, pair.moved, plan, moving, self.guess_maps, undecided)
         found = bodies.measure(start)  # search, refine, judge
         notes = (*self._notes_of_masks(reference, moved), *reference.notes, *moved.notes)
-        notes += notes_of_camera(pair, found, plan, asked, numbers, self.grey.scale) + pair.notes(numbers)
+        found, seen = seen_of_camera(pair, found, plan, asked, numbers, self.grey.scale)
+        notes += seen + pair.notes(numbers)
         notes += self._notes_of_texture(pair.reference, found)
         return result_of_solution(
             found, pair, plan, numbers, notes, masks_move=moving, scale=self.grey.scale,
