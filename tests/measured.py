@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 
+import sixflow
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.field.dataset import SIX
 from sixflow.synth import Affine, Pair, Particles, Sensor, Speckle, Texture, pair
@@ -14,6 +15,17 @@ PATTERNS = {
     "particles": lambda seed: Particles(diameter=4, seed=seed),
     "texture": lambda seed: Texture(shortest=6, longest=24, seed=seed),
 }
+
+
+WINDOW = 31
+"""px: of tests that count windows, or compare a field with what theory says of one window."""
+
+
+def measure(*frames, **options):
+    """`sixflow.measure` with one window for all points, unless the options say another."""
+    if "settings" not in options:
+        options = {"window": WINDOW} | options
+    return sixflow.measure(*frames, **options)
 
 
 def affine(six, shape):

@@ -134,7 +134,9 @@ def test_from_the_middle_the_way_back_is_the_opposite(kind, name):
     assert_alike(-measured.six_of(back), back.flag.values[0], plain_field(kind, name), fraction=fraction)
 
 
-SPLIT = [("speckle", name) for name in ("default", "middle", "local", "gain+offset", "lowpass", "sharpen")]
+SPLIT = [
+    ("speckle", name) for name in ("default", "auto", "middle", "local", "gain+offset", "lowpass", "sharpen")
+]
 SPLIT += [("dead", "default"), ("unmatched", "default")]
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import measured
-from sixflow import Settings, measure
+from measured import measure
+from sixflow import Settings
 from sixflow.field.dataset import SIX
 from sixflow.synth import Affine, Sensor, Speckle, pair
 
@@ -44,7 +45,7 @@ def test_layout(made, field):
     assert field.u.dtype == field.covariance.dtype == np.float32
     assert measure(made.frame0, made.frame1, float64=True).u.dtype == np.float64
     assert field.attrs["frame_shape"] == [112, 145]
-    assert Settings.from_mapping(json.loads(field.attrs["settings"])) == Settings()
+    assert Settings.from_mapping(json.loads(field.attrs["settings"])) == Settings(window=31)
     assert field.attrs["notes"] == ""
     covariance = field.covariance.values[0][measured.complete(field)].astype(float)
     np.testing.assert_array_equal(covariance, np.swapaxes(covariance, -1, -2))

@@ -9,7 +9,7 @@ import pytest
 
 import measured
 import naive
-from sixflow import measure
+from measured import measure
 from sixflow.engine.response import response as response_of
 from sixflow.engine.window import sharpening_noise, window_sigma
 from sixflow.synth import Motion, Speckle, pair

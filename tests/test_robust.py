@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import measured
-from sixflow import InputError, Settings, measure
+from measured import measure
+from sixflow import InputError, Settings
 from sixflow.engine.scales import FEW, NEGLIGIBLE, NORMAL, NORMAL_QUARTILE, OF_CONTRAST, REACH, TILE
 from sixflow.engine.weigh import (
     FULL,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import measured
-from sixflow import measure
+from measured import measure
 from sixflow.convention.flags import FLAGS
 from sixflow.maps.grid import Grid
 from sixflow.prepare.frame import NO_MASK, Frame

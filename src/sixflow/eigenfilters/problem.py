@@ -41,12 +41,13 @@ from sixflow.refine.covariance import (
     six_from_unknowns,
     solution_of_pass,
 )
+from sixflow.refine.cut import uniform_windows
 from sixflow.refine.least_squares import floor_of_windows, mean_floor
 from sixflow.refine.light import light_of_images
 from sixflow.refine.problem import Pass, State
 from sixflow.refine.solution import Solution, WindowStatistics
 from sixflow.refine.sweep import Sweep, mean_plane
-from sixflow.refine.uniform import UniformWindow, uniform_windows
+from sixflow.refine.uniform import UniformWindow
 from sixflow.refine.windows import image_sums
 
 _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2), (2, 1), (1, 2), (2, -1), (1, -2))
@@ -141,14 +142,12 @@ class EigenfilterProblem:
         return uniform_windows(self.sweep, (self.sigma,), maps, state.light)[0]
 
     def solution(
-        self, found: Pass, maps: Real, left: Real, *, sharpened: bool = False, held: Real | None = None
+        self, found: Pass, maps: Real, left: Real, *, borne: NDArray[np.int_] | None = None
     ) -> Solution:
         """Return the field that a last pass found (`Problem.solution`)."""
         assert isinstance(found, EigenfilterPass)
-        covariance = self._covariance(found, self.plan.window.sharpen if sharpened else 0)
-        made = solution_of_pass(
-            self.plan, covariance, found.statistics, maps, left, sharpened=sharpened, held=held
-        )
+        covariance = self._covariance(found, self.plan.window.sharpen if borne is not None else 0)
+        made = solution_of_pass(self.plan, covariance, found.statistics, maps, left, borne)
         light = found.state.light
         return made if light is None else made.replace(light=np.moveaxis(light, 0, -1))
 

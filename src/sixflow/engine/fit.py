@@ -25,7 +25,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.engine.blend import hermite_basis
 from sixflow.engine.compiler import inner, kernel
 from sixflow.engine.lines import fill_line
 from sixflow.engine.window import CUT
@@ -50,52 +49,47 @@ class Taps(NamedTuple):
 
 
 @lru_cache(maxsize=128)
-def taps_of(origin: int, step: int, count: int, counted: tuple[int, int], sigma: float, dtype: str) -> Taps:
+def taps_of(
+    origin: float, step: float, count: int, counted: tuple[int, int], sigma: float, dtype: str
+) -> Taps:
     """Taps of the points origin + i·step, where the pixels counted[0] … counted[1] (exclusive) count.
 
     A point with too little of its window left for a fit keeps its value and slope.
     """
     reach = math.ceil(CUT * sigma)
-    d = np.arange(-reach, reach + 1)
-    pixel = origin + step * np.arange(count)[:, None] + d
+    point = origin + step * np.arange(count)[:, None]
+    pixel = np.rint(point) + np.arange(-reach, reach + 1)
+    d = pixel - point
     w = np.exp(-(d**2) / (2 * sigma**2)) * ((pixel >= counted[0]) & (pixel < counted[1]))
-    total = w.sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        w = w / total[:, None]
+        w = w / w.sum(axis=1)[:, None]
         m = (w * d).sum(axis=1)
         variance = (w * (d - m[:, None]) ** 2).sum(axis=1)
         slope = w * (d - m[:, None]) / variance[:, None]
     known = variance > LEAST_LEFT * sigma**2
-    node, basis = _hermite_of(pixel, origin, step, count)
-    far = reach // step + 2
+    node, basis = _hermite_of((pixel - origin) / step, step, count)
+    far = math.ceil((reach + 1) / step) + 1
     place = node - np.arange(count)[:, None] + far  # of the point before each pixel, among the taps
     weights = np.zeros((2, 2, 2 * far + 1, count))
-    point = np.broadcast_to(np.arange(count)[:, None], place.shape)
+    column = np.broadcast_to(np.arange(count)[:, None], place.shape)
     for k, functional in enumerate((w, slope)):
         shares = np.where(known[:, None], functional, 0.0)
         for part in range(4):  # value and slope of the point before, of the point after
-            np.add.at(weights[k, part % 2], (place + part // 2, point), shares * basis[part])
+            np.add.at(weights[k, part % 2], (place + part // 2, column), shares * basis[part])
         weights[k, k, far, ~known] = 1.0
     return Taps(weights.astype(dtype), np.where(known, m, 0.0).astype(dtype))
 
 
 def _hermite_of(
-    pixel: NDArray[Any], origin: int, step: int, count: int
-) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """Point before every pixel of a line, and the weights there and after it of the interpolant; straight beyond."""
-    table = np.empty((4, step))
-    hermite_basis(step, table)
-    table[[1, 3]] *= step
-    offset = pixel - origin
-    node = np.clip(offset // step, 0, max(count - 2, 0))
-    basis = table[:, np.clip(offset - node * step, 0, step - 1)]
-    before, after = offset < 0, offset >= (count - 1) * step
-    end = offset - (count - 1) * step
-    basis = np.where(before, np.stack([np.ones_like(offset), offset, 0 * offset, 0 * offset]), basis)
-    last = [0 * offset, 0 * offset, np.ones_like(offset), end]
-    if count == 1:
-        last = [last[2], offset, last[0], last[1]]
-    return node, np.where(after, np.stack(last), basis)
+    place: NDArray[Any], step: float, count: int
+) -> tuple[NDArray[np.int64], tuple[NDArray[np.float64], ...]]:
+    """Point before every place, in steps, and the interpolant's weights there and after it; straight lines beyond."""
+    inside = np.clip(place, 0, count - 1)
+    node = np.clip(np.floor(inside), 0, max(count - 2, 0))
+    t, beyond = inside - node, (place - inside) * step
+    a, b = (1 + 2 * t) * (1 - t) ** 2, t * (1 - t) ** 2 * step
+    c, d = t**2 * (3 - 2 * t), t**2 * (t - 1) * step
+    return node.astype(np.int64), (a, b + beyond * (t == 0), c, d + beyond * (t == 1))
 
 
 @inner
@@ -183,27 +177,28 @@ def twist_strip(maps: NDArray[Any], step: float, start: int, stop: int, out: NDA
 
 @kernel
 def fit_strip(
-    maps: NDArray[Any],
-    twist: NDArray[Any],
-    down: Taps,
-    across: Taps,
-    start: int,
-    stop: int,
-    out: NDArray[Any],
-) -> None:
-    """Affine fits at the grid rows start … stop.
+    maps: NDArray[Any], twist: NDArray[Any], axes: tuple[Taps, Taps], step: tuple[NDArray[Any], NDArray[Any]],
+    before: NDArray[Any], rows: tuple[int, int], out: NDArray[Any], totals: NDArray[Any],
+) -> None:  # fmt: skip
+    """A step of a recurrence at the grid rows first … last (exclusive): out = a fit + b maps + c before.
 
     Parameters
     ----------
     maps, twist : arrays, shape (6, rows, columns) and (2, rows, columns)
-    down, across : Taps
-        Of the rows and the columns.
-    out : array, shape (6, rows, columns)
+    axes : (Taps, Taps)
+        Of the rows and of the columns.
+    step : arrays of shape (3,) and (sums,)
+        a, b and c; and how much of `out` each of the totals is to have.
+    before : array like `maps`
+    rows : (int, int)
+    out : array like `maps`
+    totals : array, shape (sums, 6, rows, columns)
+        Added to.
     """
-    columns = maps.shape[2]
+    columns, (down, across), (shares, parts) = maps.shape[2], axes, step
     far, kind = across.weights.shape[2] // 2, maps.dtype
     lines, m_x = np.zeros((4, columns + 2 * far), kind), across.offset
-    for j in range(start, stop):
+    for j in range(rows[0], rows[1]):
         m_y = down.offset[j]
         for c in range(2):
             value, slope_x, slope_y = maps[c], maps[2 + 2 * c], maps[3 + 2 * c]
@@ -222,3 +217,11 @@ def fit_strip(
                 _add_across(lines[2 + k], across.weights[kind_x, 1], target)
             for i in range(columns):
                 mean[i] -= m_x[i] * along[i] + m_y * below[i]
+        for p in range(6):
+            target, here, last = out[p, j], maps[p, j], before[p, j]
+            for i in range(columns):
+                target[i] = shares[0] * target[i] + shares[1] * here[i] + shares[2] * last[i]
+            for n in range(parts.size):
+                total, part = totals[n, p, j], parts[n]
+                for i in range(columns):
+                    total[i] += part * target[i]

@@ -30,10 +30,10 @@ from sixflow.prepare.light import BodyLight
 from sixflow.prepare.lighting import Light, confirmed
 from sixflow.refine.iterate import dense, refine
 from sixflow.refine.ladder import refine_ladder
-from sixflow.refine.problem import PixelWeights
 from sixflow.refine.resolution import choose
 from sixflow.refine.solution import Solution
 from sixflow.search.growth import Scene, extrapolated
+from sixflow.search.pyramid import finer
 from sixflow.search.stage import find_motion
 
 
@@ -76,6 +76,9 @@ class Body:
         guess : array, shape (6, rows, columns), optional
             A user's first guess, at points of frame 0.
         """
+        times = self.plan.between(self.grid.step)
+        if times > 1 and self.light is None:
+            return self._on_finer_grid(times, start, guess)
         found = self._found(start, guess)
         if self.doubtful and not self._confirmed(found):
             steady = dataclasses.replace(self, plan=self.plan.replace(lighting="none"), doubtful=False)
@@ -87,6 +90,15 @@ class Body:
         if self.plan.forward_backward:
             found = found.with_flag("forward_backward", self._fails_round_trip(found))
         return found.with_flag("outlier", isolated(found.flag))
+
+    def _on_finer_grid(self, times: int, start: Start | None, guess: NDArray[np.float64] | None) -> Solution:
+        """Measure at points that are closer to each other than is asked for, and take those that are."""
+        grid, places = self.grid.finer(times, self.plan.shape)
+        if start is not None:
+            start = Start(finer(start.maps, self.grid, grid, 1))
+        if guess is not None:
+            guess = finer(guess, self.grid, grid, 1)
+        return dataclasses.replace(self, grid=grid).measure(start, guess).sampled(*places)
 
     def _confirmed(self, found: Solution) -> bool:
         """Whether the windows of the search show the change of light too."""
@@ -121,7 +133,7 @@ class Body:
         if not windows:
             return self._measured(start, self.plan)
         if self.plan.method == "least_squares" and self.plan.group == "affine":
-            return self._on_ladder(start, found.pixels)
+            return self._on_ladder(found, start)
         levels: list[Solution] = []
         for window in reversed(windows):
             levels.insert(
@@ -133,12 +145,12 @@ class Body:
             start = settle(levels[0].known, self.grid.step, window.size)
         return choose(levels, windows, self.grid)
 
-    def _on_ladder(self, start: NDArray[Any], pixels: PixelWeights | None) -> Solution:
+    def _on_ladder(self, searched: Solution, start: NDArray[Any]) -> Solution:
         """Measure with all windows at once, choose at every point, and judge."""
         frames = self.still, self.moved
         if self.light is not None:
             frames = self.light.divided_out(*frames, start, self.plan.share)
-        found = refine_ladder(*frames, self.grid, self.plan, start, pixels)
+        found = refine_ladder(*frames, self.grid, self.plan, searched, start)
         middle = float(np.nanmedian(found.window))
         plan = self.plan.replace(window=Window(middle, self.plan.ladder[0].sharpen))
         flag = found.flag | judged(found, self.grid, self.asked, plan).flag
@@ -149,7 +161,9 @@ class Body:
         frames = self.still, self.moved
         if self.light is not None:
             frames = self.light.divided_out(*frames, start, plan.share)
-        found = refine(problem_of(*frames, self.grid, plan), start, sharpened=sharpened)
+        found = refine(
+            problem_of(*frames, self.grid, plan), start, sharpened=sharpened, bias=not self.plan.ladder
+        )
         flag = judged(self._dense(found), self.grid, self.asked, plan).flag
         return found.replace(flag=flag)
 

@@ -9,6 +9,7 @@ that are neither in nor out.
 from __future__ import annotations
 
 import dataclasses
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from sixflow.engine.lowpass import lowpass_noise
 from sixflow.engine.solve import FEEDBACK_STEP, covariance_strip, noise_feedback, normal_matrices
 from sixflow.engine.threads import over_strips
 from sixflow.engine.weigh import weighing_noise, weight_slope
-from sixflow.engine.window import sharpening_noise
+from sixflow.engine.window import attenuation_period, sharpening_noise
 from sixflow.maps.restriction import ABSENT, allowed, projection
 from sixflow.plan import Plan
 from sixflow.refine.solution import Solution, WindowStatistics
@@ -102,9 +103,9 @@ def covariance_of_pass(
     if weights is None or weights.weight is None or weights.raw is None:
         return covariance, statistics
     kept = _share(problem, weights.weight)
-    covariance *= weighing_noise(kept, _share(problem, weight_slope(weights.raw, weights.weight))).astype(
-        covariance.dtype
-    )
+    slope = _share(problem, weight_slope(weights.raw, weights.weight))
+    with np.errstate(invalid="ignore", divide="ignore"):  # nothing is kept of some windows
+        covariance *= weighing_noise(kept, slope).astype(covariance.dtype)
     return covariance, dataclasses.replace(
         statistics,
         partner=weights.partner,
@@ -220,22 +221,27 @@ def solution_of_pass(
     statistics: WindowStatistics,
     maps: Array,
     left: Array,
-    *,
-    sharpened: bool,
-    held: Array | None,
+    borne: NDArray[np.int_] | None,
 ) -> Solution:
-    """Return a field that is not yet judged; points that sharpening left as they were have the plain window's noise
-    and period.
+    """Return a field that is not yet judged; each point with noise and period of what it was sharpened.
+
+    `covariance` is that of the plan's window, sharpened as the plan says where there is anything `borne`.
     """
-    shape, window = maps.shape[1:], plan.window if sharpened else plan.window.plain
+    shape, window = maps.shape[1:], plan.window if borne is not None else plan.window.plain
     period = np.full(shape, window.period)
-    if held is not None and held.any():
-        scale = np.diag(
-            six_from_unknowns(1.0, 0) @ np.linalg.inv(six_from_unknowns(1.0, plan.window.sharpen))
-        )
-        covariance[held] *= np.outer(scale, scale).astype(covariance.dtype)
-        period[held] = plan.window.plain.period
+    for sharpen in () if borne is None else np.unique(borne):
+        if sharpen != window.sharpen:
+            here = borne == sharpen
+            covariance[here] *= order_scale(int(sharpen), window.sharpen).astype(covariance.dtype)
+            period[here] = attenuation_period(window.sigma, int(sharpen))
     return Solution(
         maps, covariance, statistics, left, np.full(shape, float(window.size)), period,
         np.zeros(shape, np.uint16), lighting=plan.lighting,
     )  # fmt: skip
+
+
+@cache
+def order_scale(sharpen: int, instead_of: int = 0) -> NDArray[np.float64]:
+    """Factors of the covariance of a window that is sharpened so many times instead of others; shape (6, 6)."""
+    scale = np.diag(six_from_unknowns(1.0, sharpen) @ np.linalg.inv(six_from_unknowns(1.0, instead_of)))
+    return np.outer(scale, scale)

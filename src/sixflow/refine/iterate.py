@@ -12,6 +12,8 @@ from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import TYPICAL_SHARE, settle, typical
 from sixflow.maps.restriction import with_shared_gradients
 from sixflow.plan import Plan
+from sixflow.refine.beside import with_bias
+from sixflow.refine.least_squares import LeastSquares, LeastSquaresPass
 from sixflow.refine.problem import Pass, PixelWeights, Problem, State
 from sixflow.refine.sharpen import sharpen
 from sixflow.refine.solution import Solution
@@ -30,7 +32,7 @@ LONG_TAIL = 1.3
 Array = NDArray[Any]
 
 
-def refine(problem: Problem, start: Array, *, sharpened: bool = False) -> Solution:
+def refine(problem: Problem, start: Array, *, sharpened: bool = False, bias: bool = False) -> Solution:
     """Passes in total form until the points stay, then sharpening passes.
 
     A pass brings a point close to its fixed point at once; `Pass.left` is what remains. The passes end when this is
@@ -44,6 +46,8 @@ def refine(problem: Problem, start: Array, *, sharpened: bool = False) -> Soluti
         Without NaN.
     sharpened : bool
         The start was measured with sharpening by another window: sharpening passes alone.
+    bias : bool
+        Ask what the window leaves out as well, where the method can tell (`beside`).
 
     Returns
     -------
@@ -53,13 +57,17 @@ def refine(problem: Problem, start: Array, *, sharpened: bool = False) -> Soluti
     plan = problem.plan
     if sharpened:
         found = problem.step(start, State(), total=False)
-        state = with_pixel_weights(plan, found)
-        left = np.full(problem.grid.shape, np.inf)
-        return sharpen(problem, start, left, state or found.state, found.measurable, sharpened=True)
-    found = settled(problem, start)
-    if not plan.window.sharpen:
-        return problem.solution(found, found.maps, found.left)
-    return sharpen(problem, found.maps, found.left, found.state, found.measurable)
+        state = with_pixel_weights(plan, found) or found.state
+        found, solution = sharpen(problem, start, state, found.measurable, sharpened=True)
+    else:
+        found = settled(problem, start)
+        if plan.window.sharpen:
+            found, solution = sharpen(problem, found.maps, found.state, found.measurable)
+        else:
+            solution = problem.solution(found, found.maps, found.left)
+    if bias and isinstance(problem, LeastSquares) and isinstance(found, LeastSquaresPass):
+        return with_bias(problem, found, solution)
+    return solution
 
 
 def settled(problem: Problem, start: Array) -> Pass:

@@ -33,13 +33,14 @@ from sixflow.maps.restriction import allowed, confined, maps_of, unknowns, with_
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
 from sixflow.refine.covariance import above_floor, covariance_of_pass, shrunk_noise, solution_of_pass
+from sixflow.refine.cut import uniform_windows
 from sixflow.refine.light import light_of_windows
 from sixflow.refine.likeness import coarseness, likeness, textured_area
 from sixflow.refine.moments import Moments, node_spacing
 from sixflow.refine.problem import FREEZE, Pass, PixelWeights, State
 from sixflow.refine.solution import Solution, WindowStatistics
 from sixflow.refine.sweep import Sweep, mean_plane
-from sixflow.refine.uniform import UniformWindow, uniform_windows
+from sixflow.refine.uniform import UniformWindow
 from sixflow.refine.windows import WindowSums, window_means, window_sums
 
 GRID_STRIP = 16
@@ -56,11 +57,15 @@ class LeastSquaresPass(Pass):
     moments : Moments
     images : Images or None
         What was compared, where pixels are weighed or a low-pass is in front.
+    total, plane
+        As in `Swept`.
     """
 
     sums: WindowSums
     moments: Moments
     images: Images | None
+    total: bool
+    plane: Array
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,6 +78,8 @@ class Swept:
         The motion that the frames were compared with.
     total : bool
         Total form, or increments.
+    plane : array, shape (6,)
+        Map about pixel (0, 0) that the right-hand side of the total form is less.
     state : State
         The light and the pixel weights that were used.
     moments : Moments
@@ -82,6 +89,7 @@ class Swept:
 
     maps: Array
     total: bool
+    plane: Array
     state: State
     moments: Moments
     images: Images | None
@@ -143,16 +151,17 @@ class LeastSquares:
             moments = self.sweep.moments_of(
                 images, None if weights is None else weights.weight, sandwich=last, power=power
             )
-        return Swept(maps, total, State(state.light, weights), moments, images)
+        return Swept(maps, total, mean_plane(maps, self.grid), State(state.light, weights), moments, images)
 
     def solved(self, swept: Swept) -> LeastSquaresPass:
         """Solve for the maps of this window, from what a sweep summed."""
         sums = self._sums(swept.moments)
-        solution, update = self._solution(sums, swept.maps, swept.total)
+        solution, update = self._solution(sums, swept)
         light = light_of_windows(sums) if self.plan.lighting == "gain+offset" else None
         return LeastSquaresPass(
             start=swept.maps, maps=solution, update=update, statistics=self._statistics(sums, update),
             state=State(light, swept.state.weights), sums=sums, moments=swept.moments, images=swept.images,
+            total=swept.total, plane=swept.plane,
         )  # fmt: skip
 
     def _sums(self, moments: Moments) -> WindowSums:
@@ -163,18 +172,17 @@ class LeastSquares:
 
     def uniform(self, maps: Array, state: State) -> UniformWindow:
         """Return this window where the texture is uniform (`Problem.uniform`)."""
-        return uniform_windows(self.sweep, (self.sigma,), maps, state.light)[0]
+        weight = None if state.weights is None else state.weights.weight
+        return uniform_windows(self.sweep, (self.sigma,), maps, state.light, weight)[0]
 
     def solution(
-        self, found: Pass, maps: Array, left: Array, *, sharpened: bool = False, held: Array | None = None
+        self, found: Pass, maps: Array, left: Array, *, borne: NDArray[np.int_] | None = None
     ) -> Solution:
         """Return the field that a last pass found (`Problem.solution`)."""
         assert isinstance(found, LeastSquaresPass)
-        covariance, statistics = covariance_of_pass(self, found, sharpened=sharpened)
+        covariance, statistics = covariance_of_pass(self, found, sharpened=borne is not None)
         statistics = dataclasses.replace(statistics, cells=self._cells(found))
-        solution = solution_of_pass(
-            self.plan, covariance, statistics, maps, left, sharpened=sharpened, held=held
-        )
+        solution = solution_of_pass(self.plan, covariance, statistics, maps, left, borne)
         light = None if found.state.light is None else np.moveaxis(found.state.light, 0, -1)
         return solution.replace(light=light, pixels=found.state.weights)
 
@@ -210,9 +218,10 @@ class LeastSquares:
     def _coarseness(self) -> float:
         return coarseness(self.still.image, self.moved.image, self.sigma)
 
-    def _solution(self, sums: WindowSums, maps: Array, total: bool) -> tuple[Array, Array]:
+    def _solution(self, sums: WindowSums, swept: Swept) -> tuple[Array, Array]:
         """The solution of the normal equations, and the change of the motion that it makes."""
-        known = self.grid.plane(mean_plane(maps, self.grid)) if total else maps
+        maps = swept.maps
+        known = self.grid.plane(swept.plane) if swept.total else maps
         if self.plan.group != "affine":
             normal, right = normal_equations(sums)
             base, basis = allowed(self.plan.group, maps, self.sigma)

@@ -169,7 +169,7 @@ class Problem(Protocol):
         ...
 
     def solution(
-        self, found: Pass, maps: Array, left: Array, *, sharpened: bool = False, held: Array | None = None
+        self, found: Pass, maps: Array, left: Array, *, borne: NDArray[np.int_] | None = None
     ) -> Solution:
         """Return the field that a last pass found, with its covariance, not yet judged.
 
@@ -179,9 +179,7 @@ class Problem(Protocol):
             Made with `last=True`.
         maps, left : array, shape (6, rows, columns) and (rows, columns)
             The field, and how far its points may be from their fixed points.
-        sharpened : bool
-            Whether it was sharpened as the plan says.
-        held : bool array, shape (rows, columns), optional
-            Points that sharpening left as they were.
+        borne : int array, shape (rows, columns), optional
+            How far each point was sharpened; None where none was.
         """
         ...

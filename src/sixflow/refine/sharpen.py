@@ -16,92 +16,166 @@ The fixed point is T U* + Q P (1 − T) U*: the response is T whatever the textu
 on what T misses alone. Noise is Q M̃ n, as in theory (`engine.window.sharpening_noise`), and the number
 of passes does not depend on n. Windows that are cut by a border or a mask are cut in M too.
 
+*What a point bears.* Between two passes U moves by δ, and the aim of a window sharpened n times by Q_n P δ. Where that
+is more than δ itself, the root of their mean squares under the window, passes would diverge, and the pattern acts on
+what T misses with more than its whole: where the texture fills a part of the window alone, P is as large as M. The
+point then takes the next lower n of `orders_of`, down to 0. All of them come from the same recurrence.
+
 | symbol | name |
 |---|---|
 | M | `UniformWindow.fit` |
 | Q | `UniformWindow.deconvolve` |
 | U | maps, blended |
 | Δ | `Problem.step(maps, …, total=False).maps − maps` |
+| n | `Borne.order`, an index of `orders_of` |
 """
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sixflow.maps.neighbours import fill_failed, settle, typical
-from sixflow.refine.problem import Problem, State
+from sixflow.refine.problem import Pass, Problem, State
 from sixflow.refine.solution import Solution
+from sixflow.refine.sweep import mean_plane
 
 SHARPEN_PASSES = 8
-_HELD = 1 / 8  # of a whole stride
-_STANDS = 0.005  # px: passes that stop coming nearer than this have not diverged, whatever the tolerance
-SHARPENED = 0.3  # what a sharpening pass leaves of its update, at most (measured: 0.1 to 0.3)
+SHARPENED = 0.3
+"""What a pass leaves of its update where nothing is known of it yet, at most (measured: 0.1 to 0.3)."""
+MOST_LEFT = 0.9
+"""Rate of passes that do not come nearer: beyond, nothing is known of where they end."""
+
+Array = NDArray[Any]
+
+
+def orders_of(sharpen: int) -> tuple[int, ...]:
+    """How far a window may be sharpened where the texture does not bear all: half as much, and half again, to not at
+    all.
+
+    Examples
+    --------
+    >>> orders_of(4), orders_of(0)
+    ((4, 2, 1, 0), (0,))
+    """
+    return (sharpen, *orders_of(sharpen // 2)) if sharpen else (0,)
+
+
+@dataclasses.dataclass(frozen=True)
+class Borne:
+    """What points bear.
+
+    Attributes
+    ----------
+    order : int array, shape (rows, columns)
+        Index of `orders_of`; their number where not even the last.
+    left : array, shape (rows, columns)
+        How far further passes may move the point, px.
+    """
+
+    order: NDArray[np.intp]
+    left: Array
+
+    @classmethod
+    def of(cls, aims: list[Array], before: list[Array], moved: Array, reach: float, least: float) -> Borne:
+        """See what the last change of the motion made of the aims.
+
+        An aim sums the change under its window; seen under one of σ itself, the change counts under one of √2 σ
+        (Cauchy and Schwarz).
+
+        Parameters
+        ----------
+        aims, before : list of arrays, shape (6, rows, columns)
+            By order, of this pass and of the one before.
+        moved : array, shape (6, rows, columns)
+            How the motion changed between them.
+        reach : float
+            σ in grid points.
+        least : float
+            A change of the motion that is of no account, px.
+        """
+        cause = np.maximum(_power(moved, math.sqrt(2) * reach), least**2)
+        order = np.full(moved.shape[1:], len(aims))
+        effect = np.zeros(moved.shape[1:])
+        for k in range(len(aims) - 1, -1, -1):
+            power = _power(aims[k] - before[k], reach)
+            borne = power <= cause
+            effect = np.where(borne | (order == len(aims)), power, effect)
+            order = np.where(borne, k, order)
+        common = min(math.sqrt(float(np.median(effect / cause))), MOST_LEFT)
+        rate = np.where(order == len(aims), MOST_LEFT, common)
+        return cls(order, np.sqrt(effect) * rate / (1 - rate))
+
+
+def at_order(aims: list[Array], order: NDArray[np.intp]) -> Array:
+    """The aim of each point's order; of the last one where it bears none."""
+    out = aims[0]
+    for k in range(1, len(aims)):
+        here = order >= k
+        if here.any():
+            out = np.where(here, aims[k], out)
+    return out
+
+
+def _power(planes: Array, reach: float) -> Array:
+    """Mean square of a displacement under a window of σ = reach grid points."""
+    square = np.nan_to_num(planes[0] ** 2 + planes[1] ** 2)
+    return np.asarray(scipy.ndimage.gaussian_filter(square, reach, mode="nearest", truncate=2.5))
 
 
 def sharpen(
-    problem: Problem,
-    maps: NDArray[Any],
-    left: NDArray[Any],
-    state: State,
-    measurable: NDArray[np.bool_],
-    *,
-    sharpened: bool = False,
-) -> Solution:
-    """Sharpening passes until the points stay, with shorter strides for those that do not come nearer.
-
-    Where the texture fills a part of the window alone, P is as large as M, and Q P may make passes diverge. A point
-    whose stride is down to an eighth, or that has not settled at the end, is held: it keeps the plain fit.
+    problem: Problem, maps: Array, state: State, measurable: NDArray[np.bool_], *, sharpened: bool = False
+) -> tuple[Pass, Solution]:
+    """Sharpening passes until the points stay, each as sharp as it bears.
 
     Parameters
     ----------
     problem : Problem
     maps : float64 array, shape (6, rows, columns)
         What a pass in total form found, or a field.
-    left : float64 array, shape (rows, columns)
-        How far those may be from their fixed points, px.
     state : State
         After that pass.
     measurable : bool array, shape (rows, columns)
         Points that it found texture at; the others take no part, and are filled from their neighbours.
     sharpened : bool
-        `maps` is a field, which another window measured with sharpening. Then nothing is known to hold points at,
-        and those that do not settle stay with what they have left.
+        `maps` is a field, which another window measured with sharpening.
 
     Returns
     -------
+    Pass
+        The last one.
     Solution
         Not yet judged; NaN where the last pass failed.
     """
     plan, step, window = problem.plan, problem.grid.step, problem.plan.window
+    orders, reach = orders_of(window.sharpen), window.sigma / step
     uniform = problem.uniform(fill_failed(maps, step), state)
-    maps = plain = settle(np.where(measurable, maps, np.nan), step, window.size)
+    maps = settle(np.where(measurable, maps, np.nan), step, window.size)
     if not sharpened:
         maps = uniform.deconvolve(maps, window.sharpen)
-    far = max(plan.tolerance, _STANDS)
-    known, held = left, np.zeros(problem.grid.shape, np.bool_)
-    stride, before = np.ones(problem.grid.shape), np.full(problem.grid.shape, np.inf)
+    before: list[Array] | None = None
+    moved, order = np.zeros_like(maps), np.zeros(problem.grid.shape, np.intp)
     for left_over in range(SHARPEN_PASSES - 1, -1, -1):
         found = problem.step(maps, state, total=False, last=True)
         state, increment = found.state, found.maps - maps
         failed = np.isnan(increment).any(axis=0) | ~measurable
-        aim = uniform.deconvolve(uniform.fit(maps) + np.where(failed, 0, increment), window.sharpen)
-        distance = np.where(failed, np.nan, np.hypot(aim[0] - maps[0], aim[1] - maps[1]))
-        with np.errstate(invalid="ignore"):
-            stride[(distance > 0.7 * before) & (distance > far)] /= 2
-        if not sharpened:
-            held |= stride <= _HELD
-        moved = settle(np.where(measurable, maps + stride * (aim - maps), np.nan), step, window.resolving)
-        maps = np.where(held, plain, moved)
-        left, before = distance * np.where(stride == 1, SHARPENED, 1.0), distance
-        if not left_over or typical(np.where(held, np.nan, left)) < plan.tolerance:
+        plane = problem.grid.plane(mean_plane(maps, problem.grid))
+        seen = uniform.fit(maps - plane) + np.where(failed, 0, increment)
+        aims = [aim + plane for aim in uniform.deconvolved(seen, orders)]
+        borne = None if before is None else Borne.of(aims, before, moved, reach, plan.tolerance)
+        if borne is not None:
+            order = np.maximum(order, borne.order)  # what failed once is not tried again
+        aim = np.where(failed, np.nan, at_order(aims, order))
+        distance = np.hypot(aim[0] - maps[0], aim[1] - maps[1])
+        left = SHARPENED * distance if borne is None else np.where(failed, np.nan, borne.left)
+        if not left_over or (borne is not None and typical(left) < plan.tolerance):
             break
-        del found  # what it holds of the pixels need not stand beside that of the next
-    if not sharpened:
-        with np.errstate(invalid="ignore"):
-            held |= left > 2 * far
-    left = np.where(held & ~np.isnan(left), known, left)
-    maps = np.where(np.isnan(left), np.nan, np.where(held, plain, maps))
-    return problem.solution(found, maps, left, sharpened=True, held=held)  # noqa: F821 - of the last turn
+        following = settle(aim, step, window.resolving)
+        before, moved, maps = aims, following - maps, following
+    taken = np.array(orders)[np.minimum(order, len(orders) - 1)]
+    return found, problem.solution(found, aim, left, borne=taken)

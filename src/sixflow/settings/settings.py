@@ -116,7 +116,7 @@ class Settings:
     sixflow.errors.InputError: step=0: must be a whole number of pixels from 1 to 1048576; 8 suits a window of 31
     """
 
-    window: Window = 31
+    window: Window = "auto"
     step: int = 8
     method: Method = "least_squares"
     reference: Reference = "first"
