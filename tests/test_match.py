@@ -9,10 +9,11 @@ from sixflow import measure
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.judge.chance import FALSE_ALARMS, evidence_limit, normal_limit
 from sixflow.judge.contradiction import gradient_variances
-from sixflow.judge.match import PARAMETERS, apart, evidence, evidence_of, matches
-from sixflow.judge.texture import is_textured, least_texture, noise_power
+from sixflow.judge.match import apart, matches
+from sixflow.judge.texture import is_textured, noise_power
 from sixflow.maps.grid import Grid
-from sixflow.refine.likeness import coarseness
+from sixflow.refine.likeness import PARAMETERS, coarseness, evidence, evidence_of
+from sixflow.refine.problem import least_texture
 from sixflow.synth import Affine, Particles, Sensor, Speckle, pair
 from solved import solution_of
 

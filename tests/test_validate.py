@@ -5,7 +5,8 @@ import pytest
 
 import naive
 from sixflow.convention.flags import FAILING, FLAGS
-from sixflow.judge.flags import _collapses, isolated, judged
+from sixflow.judge.chance import normal_limit
+from sixflow.judge.flags import _collapses, bias_rules, isolated, judged
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import LIMIT, fill_failed, median_outliers, settle
 from sixflow.prepare.frame import NO_MASK, Frame
@@ -216,3 +217,12 @@ def test_maps_that_fold_the_window_are_outliers():
     maps[2:, 0, 0] = 2.1, 0.0, 0.0, 0.0  # seen from the middle, frame 0 is folded
     assert _collapses(maps, "middle")[0, 0]
     assert not _collapses(maps, "first")[0, 0]
+
+
+def test_bias_rules_where_it_stands_out_of_noise():
+    bias = np.zeros((*GRID.shape, 6))
+    bias[2, 3, 1] = bias[4, 5, 2] = 1.1e-4 * normal_limit() ** 2  # of v, and of a gradient
+    bias[6, 7, 0] = 0.9e-4 * normal_limit() ** 2  # the noise's variance is 1e-4
+    found = solution_of(GRID.plane(np.zeros(6)))
+    assert not bias_rules(found).any()
+    assert np.argwhere(bias_rules(found.replace(bias=bias))).tolist() == [[2, 3]]

@@ -134,7 +134,7 @@ class EigenfilterProblem:
         return EigenfilterPass(
             start=maps, maps=solution, update=update,
             statistics=self._statistics(equations, normal, update, weight), state=State(light),
-            equations=equations, normal=normal,
+            equations=equations, normal=normal, sigma=self.sigma,
         )  # fmt: skip
 
     def uniform(self, maps: Real, state: State) -> UniformWindow:

@@ -55,10 +55,17 @@ _STRIP = 16
 Array = NDArray[np.float64]
 
 
-def gradient_variances(covariance: NDArray[Any]) -> Array:
-    """Variances of u, v, u_x, u_y, v_x, v_y from the covariance of the six; shape (6, rows, columns)."""
+def gradient_variances(covariance: NDArray[Any], bias: NDArray[Any] | None = None) -> Array:
+    """Variances of u, v, u_x, u_y, v_x, v_y from the covariance of the six; shape (6, rows, columns).
+
+    With `bias`, shape (rows, columns, 6), its expected squares are in them.
+    """
     out = np.empty((6, *covariance.shape[:2]))
     over_strips(lambda a, b: variances_strip(covariance, a, b, out), out.shape[1], _STRIP)
+    if bias is not None:
+        u, v, divergence, curl, stretch, shear = np.moveaxis(np.nan_to_num(bias), -1, 0)
+        along, across = (divergence + stretch) / 4, (shear + curl) / 4
+        out += np.stack([u, v, along, across, across, along])
     return out
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.convention.reference import SHARE
 from sixflow.engine.rows import LEAST_AREA
+from sixflow.judge.chance import normal_limit
 from sixflow.judge.contradiction import (
     at_edge,
     disagreement,
@@ -24,13 +25,13 @@ from sixflow.judge.contradiction import (
     stands_out,
 )
 from sixflow.judge.match import matches
-from sixflow.judge.texture import is_textured, least_texture
+from sixflow.judge.texture import is_textured, noise_power
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import AGREEMENT, CURVED, LIMIT, curvature, median_outliers
 from sixflow.maps.placing import leaves, masked_points
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
-from sixflow.refine.problem import MINIMUM_KEPT, MINIMUM_WEIGHT
+from sixflow.refine.problem import MINIMUM_KEPT, MINIMUM_WEIGHT, least_texture
 from sixflow.refine.solution import Solution
 
 MAXIMUM_ERROR = 0.5
@@ -80,11 +81,25 @@ def _with_reasons(
     failed = ((flag & (FLAGS["low_texture"] | FLAGS["unmatched"])) != 0) & ((flag & FLAGS["masked"]) == 0)
     if not failed.any():
         return flag
-    textured = is_textured(frame.image, grid, plan.window.size, found.statistics.noise[~unmatched])
-    low = FLAGS["low_texture"]
-    flag[failed & unmatched & textured] &= np.uint16(~low & 0xFFFF)
+    low, window, noise = FLAGS["low_texture"], plan.window.size, found.statistics.noise
+    power = noise_power(frame.image, window)
+    textured = is_textured(frame.image, grid, window, noise[~unmatched])
+    with np.errstate(invalid="ignore"):
+        unlike = unmatched | ~(noise**2 < power * (1 + least_texture(window**2)))
+    flag[failed & unlike & textured] &= np.uint16(~low & 0xFFFF)
+    flag[failed & unlike & textured] |= FLAGS["unmatched"]
     flag[failed & ~textured] |= low
     return flag
+
+
+def bias_rules(found: Solution) -> NDArray[np.bool_]:
+    """Where what the window leaves out of the displacement stands out of its noise; of points that have a value."""
+    if found.bias is None:
+        return np.zeros(found.flag.shape, np.bool_)
+    with np.errstate(invalid="ignore"):
+        noise = np.diagonal(found.covariance, axis1=-2, axis2=-1)[..., :2]
+        left_out = found.bias[..., :2] > normal_limit() ** 2 * noise
+    return np.asarray(left_out.any(axis=-1) & ~found.failed)
 
 
 def _error(found: Solution) -> NDArray[np.float64]:
@@ -119,7 +134,8 @@ def _among_neighbours(
     """Flags of outliers in gradient, edges, what is unresolved, and residuals that stand out (`contradiction`)."""
     flag, statistics = np.zeros(grid.shape, np.uint16), found.statistics
     period = plan.window.period
-    flag[gradient_outliers(maps, variances, grid.step, period)] |= FLAGS["outlier"]
+    in_all = variances if found.bias is None else gradient_variances(found.covariance, found.bias)
+    flag[gradient_outliers(maps, in_all, grid.step, period)] |= FLAGS["outlier"]
     apart = disagreement(maps, variances, grid.step, period)
     edge = at_edge(apart, statistics.outlying, statistics.outlying_centre)
     flag[edge] |= FLAGS["edge"]

@@ -1,16 +1,6 @@
 """Match: is a window the same pattern in both frames, or alike by chance?
 
-*By itself.* Windows that have nothing in common are correlated all the same, the more so as six numbers and the light
-are chosen to make them so. With N independent cells of texture (`sixflow.refine.likeness`) and p = 7, ρ² has a beta
-distribution then, and
-
-    ε = −ln P(ρ² by chance),    P = I_{1−ρ²}(b, p/2) ≈ ρ^{p−2} (1 − ρ²)^b / (b B(b, p/2)),    b = (N − 1 − p)/2
-
-is the evidence that the window matches, nats: about ½(N − p) ln 1/(1 − ρ²). Where outlying pixels are down-weighted,
-the pixels that are kept are alike because the others are left out. Of patterns without anything in common κ₀ of the
-texture would be kept (`engine.weigh.by_chance`); if κ is,
-
-    ε = κ [N ln κ + ε] + (1 − κ) N ln[(1 − κ)/(1 − κ₀)].
+*By itself*, ε nats of evidence tell (`sixflow.refine.likeness`).
 
 *With its neighbours.* A window of chance lies anywhere within a cell of the texture. One that lies δ from where windows
 beyond its own pixels predict it has besides
@@ -45,47 +35,13 @@ from numpy.typing import NDArray
 
 from sixflow.engine.contradiction import apart_strip
 from sixflow.engine.threads import over_strips
-from sixflow.engine.weigh import by_chance
 from sixflow.judge.chance import evidence_limit
-from sixflow.refine.solution import Solution, WindowStatistics
+from sixflow.refine.likeness import evidence_of
+from sixflow.refine.solution import Solution
 
-PARAMETERS = 7
-"""Six numbers and the light."""
 _STRIP = 16
 
 Array = NDArray[np.float64]
-
-
-def evidence(correlation: NDArray[Any], cells: NDArray[Any]) -> Array:
-    """ε of windows with a correlation and so many independent cells, nats; 0 where there is none.
-
-    Examples
-    --------
-    >>> evidence(np.array([0.0, 0.5, 0.9]), np.array([100.0, 100.0, 8.0])).round(1)
-    array([ 0. ,  8.3,  0. ])
-    """
-    a, b = PARAMETERS / 2, (np.asarray(cells, np.float64) - 1 - PARAMETERS) / 2
-    with np.errstate(invalid="ignore", divide="ignore"):
-        square = np.minimum(correlation, 1 - 1e-7) ** 2
-        known = (b > 0) & (correlation > 0) & (square > (a - 1) / (a + b - 1))
-        rising = b * np.log1p(-square) + (a - 1) * np.log(square)
-        chance = rising - np.log(b) + a * np.log(b + (a - 1) / 2) - math.lgamma(a)
-    return np.where(known, np.maximum(-chance, 0.0), 0.0)
-
-
-def evidence_of(statistics: WindowStatistics) -> Array:
-    """ε of the windows of a pass, nats; shape (rows, columns)."""
-    correlation, cells = statistics.correlation, statistics.cells
-    assert correlation is not None
-    assert cells is not None
-    alone = evidence(correlation, cells)
-    if statistics.matched is None:
-        return alone
-    kept, chance = np.clip(statistics.matched, 0.0, 1.0), by_chance(statistics.residual)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        lost = np.where(kept < 1, (1 - kept) * np.log((1 - kept) / (1 - np.minimum(chance, 1 - 1e-7))), 0.0)
-        total = kept * (cells * np.log(kept) + alone) + cells * lost
-    return np.where((kept > chance) & (total > 0), total, 0.0)
 
 
 def apart(maps: NDArray[Any], variances: Array, step: int, window: float) -> Array:

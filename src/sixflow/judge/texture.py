@@ -1,15 +1,10 @@
 """Texture: do the gradients of a window rise above noise in every direction?
 
-Noise alone makes the mean of ∇I ∇Iᵀ under a window the unit matrix times γ, and each of its eigenvalues scatters by
-
-    √(2/n) γ,
-
-n the pixels of the window, of which each has a gradient of its own. With λ₁ the smaller eigenvalue, λ₁ − γ has to
-exceed `normal_limit` times that, and that times √2, since γ is known from as many pixels.
+`refine.problem.least_texture` says how far they have to, by their scatter.
 
 Where windows do not match, their residual is no noise. Then frame 0 alone is asked: differences of neighbours two
-pixels apart have ½ n² of noise, n that of the windows that match, or, where none does, the mean power of the frame at
-the frequencies above π/2 along both axes: white noise is there as everywhere, and of texture little is.
+pixels apart have ½ n² of noise, n² the mean power of the frame at the frequencies above π/2 along both axes, where
+white noise is as everywhere, and texture little; or that of the windows that match, if it is less.
 """
 
 from __future__ import annotations
@@ -22,23 +17,11 @@ from numpy.typing import NDArray
 
 from sixflow.engine.fir import filter_separable
 from sixflow.engine.window import CUT, window_sigma
-from sixflow.judge.chance import normal_limit
 from sixflow.maps.grid import Grid
 from sixflow.refine.likeness import spectrum_of
+from sixflow.refine.problem import least_texture
 
 Array = NDArray[np.float64]
-
-
-def least_texture(pixels: NDArray[Any] | float) -> Array:
-    """(λ₁ − γ)/γ that texture has to exceed in a window of so many pixels.
-
-    Examples
-    --------
-    >>> least_texture(np.array([64.0, 961.0])).round(2)
-    array([0.97, 0.25])
-    """
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(normal_limit() * 2 / np.sqrt(pixels))
 
 
 def gradient_power(image: NDArray[Any], grid: Grid, window: float) -> tuple[Array, Array]:
@@ -71,9 +54,11 @@ def is_textured(image: NDArray[Any], grid: Grid, window: float, noise: NDArray[A
     window : float
         px.
     noise : array
-        Of one frame, where it is known.
+        Of one frame, where its windows match.
     """
-    power = noise_power(image, window) if not noise.size else float(np.nanmedian(noise)) ** 2
+    power = noise_power(image, window)
+    if np.isfinite(noise).any():
+        power = min(power, float(np.nanmedian(noise)) ** 2)
     weakest, _ = gradient_power(image, grid, window)
     # every second pixel is asked
     return np.asarray(weakest > power / 2 * (1 + least_texture(window**2 / 4)))

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.convention.flags import FLAGS
 from sixflow.judge.edges import refuted
-from sixflow.judge.flags import isolated, judged
+from sixflow.judge.flags import bias_rules, isolated, judged
+from sixflow.judge.repeats import ambiguous, period_of
 from sixflow.judge.roundtrip import no_return
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import fill_failed, settle
@@ -85,11 +85,14 @@ class Body:
             found = steady._refined(found)
         elif self.light is not None or not self.plan.is_searched:
             found = self._refined(found)
+        if guess is None:
+            found = found.with_flag("ambiguous", self._ambiguous(found))
         if found.statistics.outlying is not None:
             found = found.with_flag("edge", self._refuted(found))
         if self.plan.forward_backward:
             found = found.with_flag("forward_backward", self._fails_round_trip(found))
-        return found.with_flag("outlier", isolated(found.flag))
+        found = found.with_flag("outlier", isolated(found.flag))
+        return found.with_flag("unresolved", bias_rules(found))
 
     def _on_finer_grid(self, times: int, start: Start | None, guess: NDArray[np.float64] | None) -> Solution:
         """Measure at points that are closer to each other than is asked for, and take those that are."""
@@ -153,8 +156,7 @@ class Body:
         found = refine_ladder(*frames, self.grid, self.plan, searched, start)
         middle = float(np.nanmedian(found.window))
         plan = self.plan.replace(window=Window(middle, self.plan.ladder[0].sharpen))
-        flag = found.flag | judged(found, self.grid, self.asked, plan).flag
-        return found.replace(flag=np.where(flag & FLAGS["masked"], FLAGS["masked"], flag).astype(np.uint16))
+        return judged(found, self.grid, self.asked, plan)
 
     def _measured(self, start: NDArray[Any], plan: Plan, *, sharpened: bool = False) -> Solution:
         """Refine a start with one window, and judge it; `sharpened`: the start was, by another window."""
@@ -175,6 +177,18 @@ class Body:
             start = fill_failed(there.known, self.grid.step)
             frames = self.light.divided_out(*frames, start, self.plan.share)
         return refuted(*frames, self.grid, there, self.plan)
+
+    def _ambiguous(self, there: Solution) -> NDArray[np.bool_]:
+        """Points whose motion may be longer by a period of the texture."""
+        plan = self.plan.replace(window=self.plan.of_search.window, ladder=())
+        period = period_of(self.still, plan.window.sigma)
+        if period is None or there.failed.all():
+            return np.zeros(self.grid.shape, np.bool_)
+        maps = fill_failed(self._dense(there).known, self.grid.step)
+        frames = self.still, self.moved
+        if self.light is not None:
+            frames = self.light.divided_out(*frames, maps, plan.share)
+        return ambiguous(problem_of(*frames, self.grid, plan), maps, there.failed, period)
 
     def _fails_round_trip(self, there: Solution) -> NDArray[np.bool_]:
         """Points that do not return where they came from, by a measurement from frame 1 to frame 0."""

@@ -12,9 +12,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.convention.flags import FLAGS
 from sixflow.errors import BadFrameError
 from sixflow.frames.floor import Floor
 from sixflow.frames.times import PairTimes
+from sixflow.judge.repeats import period_of
 from sixflow.maps.grid import Grid
 from sixflow.maps.six import six_of_maps
 from sixflow.masks import AnyBodies, Bodies, Masks
@@ -28,6 +30,7 @@ from sixflow.plan import Plan
 from sixflow.prepare.image import Grey, check_frame, range_of, require_contrast
 from sixflow.prepare.interlacing import InterlacingCheck
 from sixflow.prepare.prepare import Prepared, prepare_frame, prepare_pair
+from sixflow.refine.solution import Solution
 from sixflow.search.guess import Guess, is_stored_in_settings, maps_of_guess
 from sixflow.settings import Settings
 
@@ -165,10 +168,23 @@ class Session:
         found = bodies.measure(start)  # search, refine, judge
         notes = (*self._notes_of_masks(reference, moved), *reference.notes, *moved.notes)
         notes += pair.change.notes(asked, found.lighting, numbers) + pair.notes(numbers)
+        notes += self._notes_of_texture(pair.reference, found)
         return result_of_solution(
             found, pair, plan, numbers, notes, masks_move=moving, scale=self.grey.scale,
             replace=asked.replace_failed,
         )  # fmt: skip
+
+    def _notes_of_texture(self, reference: Prepared, found: Solution) -> tuple[str, ...]:
+        """What should be known of a texture that repeats."""
+        doubtful = (found.flag & FLAGS["ambiguous"]) != 0
+        period = period_of(reference.frame, self.plan.of_search.window.sigma) if doubtful.any() else None
+        if period is None:
+            return ()
+        x, y = np.abs(period)
+        return (
+            f"the texture repeats every ({x:.3g}, {y:.3g}) px: the motion of {100 * doubtful.mean():.2g} % of the "
+            "points is known up to a period only; a first guess (search) tells which",
+        )
 
     def _notes_of_masks(self, reference: Prepared, moved: Prepared) -> tuple[str, ...]:
         """What should be known of the masks of a pair, each thing once."""

@@ -161,14 +161,18 @@ class LeastSquares:
         return LeastSquaresPass(
             start=swept.maps, maps=solution, update=update, statistics=self._statistics(sums, update),
             state=State(light, swept.state.weights), sums=sums, moments=swept.moments, images=swept.images,
-            total=swept.total, plane=swept.plane,
+            total=swept.total, plane=swept.plane, sigma=self.sigma,
         )  # fmt: skip
 
     def _sums(self, moments: Moments) -> WindowSums:
         """Window sums of moments about nodes that may be closer than this window needs."""
+        return window_sums(self._merged(moments), self.grid, self.sigma)
+
+    def _merged(self, moments: Moments) -> Moments:
+        """The same moments about no more nodes than this window needs."""
         while 2 * moments.lattice.spacing <= node_spacing(self.sigma):
             moments = moments.coarser()
-        return window_sums(moments, self.grid, self.sigma)
+        return moments
 
     def uniform(self, maps: Array, state: State) -> UniformWindow:
         """Return this window where the texture is uniform (`Problem.uniform`)."""
@@ -205,7 +209,7 @@ class LeastSquares:
 
     def _cells(self, found: LeastSquaresPass) -> Array:
         """Independent cells of texture in every window."""
-        area = textured_area(found.moments, found.sums, self.grid, self.sigma)
+        area = textured_area(self._merged(found.moments), found.sums, self.grid, self.sigma)
         density = likeness(found.sums)[1] / self._coarseness
         if not self.central:  # gradients are along the axes of the moved frame
             density = density * np.abs(

@@ -17,6 +17,18 @@ m the mean of the two frames, whose gradients g the window sums hold: that follo
 Noise and fine detail make K large, and a small, while coarse parts of the texture go on. So a is multiplied by what
 ∫c₀c₁/a is in the whole frames, from spectra P of tiles, c₀ and c₁ their transforms: ∫c₀c₁ = Σ P₀P₁/(ΣP₀ ΣP₁).
 
+*Evidence.* Windows that have nothing in common are correlated all the same, the more so as six numbers and the light
+are chosen to make them so. With N such cells and p = 7, ρ² has a beta
+distribution then, and
+
+    ε = −ln P(ρ² by chance),    P = I_{1−ρ²}(b, p/2) ≈ ρ^{p−2} (1 − ρ²)^b / (b B(b, p/2)),    b = (N − 1 − p)/2
+
+is the evidence that the window matches, nats: about ½(N − p) ln 1/(1 − ρ²). Where outlying pixels are down-weighted,
+the pixels that are kept are alike because the others are left out. Of patterns without anything in common κ₀ of the
+texture would be kept (`engine.weigh.by_chance`); if κ is,
+
+    ε = κ [N ln κ + ε] + (1 − κ) N ln[(1 − κ)/(1 − κ₀)].
+
 | symbol | name |
 |---|---|
 | ρ | `correlation` |
@@ -35,12 +47,17 @@ from numpy.typing import NDArray
 from sixflow.engine.moments import plane_at
 from sixflow.engine.rows import DERIVATIVE
 from sixflow.engine.sweep import NORMAL_RANKS
+from sixflow.engine.weigh import by_chance
 from sixflow.maps.grid import Grid
 from sixflow.refine.moments import Moments
+from sixflow.refine.solution import WindowStatistics
 from sixflow.refine.windows import WindowSums, sums_of
 
 TILES = 4
 """Tiles along each side of a frame."""
+
+PARAMETERS = 7
+"""Six numbers and the light."""
 
 Array = NDArray[np.float64]
 
@@ -57,6 +74,38 @@ def likeness(sums: WindowSums) -> tuple[Array, Array]:
         variance = (variance0 + variance1 + 2 * common) / 4
         density = np.sqrt(np.maximum(xx * yy - xy**2, 0)) / (math.pi * weight * variance)
     return correlation, density
+
+
+def evidence(correlation: NDArray[Any], cells: NDArray[Any]) -> Array:
+    """ε of windows with a correlation and so many independent cells, nats; 0 where there is none.
+
+    Examples
+    --------
+    >>> evidence(np.array([0.0, 0.5, 0.9]), np.array([100.0, 100.0, 8.0])).round(1)
+    array([ 0. ,  8.3,  0. ])
+    """
+    a, b = PARAMETERS / 2, (np.asarray(cells, np.float64) - 1 - PARAMETERS) / 2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        square = np.minimum(correlation, 1 - 1e-7) ** 2
+        known = (b > 0) & (correlation > 0) & (square > (a - 1) / (a + b - 1))
+        rising = b * np.log1p(-square) + (a - 1) * np.log(square)
+        chance = rising - np.log(b) + a * np.log(b + (a - 1) / 2) - math.lgamma(a)
+    return np.where(known, np.maximum(-chance, 0.0), 0.0)
+
+
+def evidence_of(statistics: WindowStatistics) -> Array:
+    """ε of the windows of a pass, nats; shape (rows, columns)."""
+    correlation, cells = statistics.correlation, statistics.cells
+    assert correlation is not None
+    assert cells is not None
+    alone = evidence(correlation, cells)
+    if statistics.matched is None:
+        return alone
+    kept, chance = np.clip(statistics.matched, 0.0, 1.0), by_chance(statistics.residual)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        lost = np.where(kept < 1, (1 - kept) * np.log((1 - kept) / (1 - np.minimum(chance, 1 - 1e-7))), 0.0)
+        total = kept * (cells * np.log(kept) + alone) + cells * lost
+    return np.where((kept > chance) & (total > 0), total, 0.0)
 
 
 def textured_area(moments: Moments, sums: WindowSums, grid: Grid, sigma: float) -> Array:
@@ -89,8 +138,13 @@ def coarseness(still: NDArray[Any], moved: NDArray[Any], sigma: float) -> float:
     response = 2 * np.sin(np.outer(omega, np.arange(1, len(DERIVATIVE) + 1))) @ np.asarray(DERIVATIVE)
     y, x = response[:, None], response
     xx, xy, yy = (float((both * product).sum()) for product in (x * x, x * y, y * y))
-    overlap = side**2 * float((power[0] * power[1]).sum()) / (totals[0] * totals[1])
+    overlap = correlation_area(*power)
     return max(1.0, overlap * math.sqrt(max(xx * yy - xy**2, 0.0)) / math.pi)
+
+
+def correlation_area(first: Array, second: Array) -> float:
+    """∫c₀c₁ of two textures from the spectra of their tiles, px²."""
+    return float(first.size * (first * second).sum() / (first.sum() * second.sum()))
 
 
 def spectrum_of(image: NDArray[Any], sigma: float) -> Array:

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from sixflow.engine.blend import resample_strip, twist_of
 from sixflow.engine.threads import over_strips
-from sixflow.judge.chance import evidence_limit
-from sixflow.judge.match import evidence_of
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import settle, typical
 from sixflow.method import problem_of
@@ -78,8 +76,7 @@ def pyramid(
             if typical(made.moved) < SETTLED:
                 break
         # where halving has left no texture, what the level found is noise: keep what was known before
-        matched = evidence_of(made.statistics) > evidence_limit()
-        maps = np.where(made.measurable & matched, maps, known)
+        maps = np.where(made.trusted, maps, known)
         found, finest = here, level
     return finer(maps, found, grid, 2.0**finest) if finest else maps
 
