@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import measured
-from sixflow import measure
+from measured import measure
 from sixflow.convention import SIX_FROM_GRADIENT
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.engine.contradiction import ERRORS, GRADIENT_AGREEMENT

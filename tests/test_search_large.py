@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import measured
-from sixflow import InputError, Settings, measure
+from measured import measure
+from sixflow import InputError, Settings
 from sixflow.pair.session import Session
 from sixflow.prepare.frame import NO_MASK, Frame
 from sixflow.search.plane import CHANCE, find_plane

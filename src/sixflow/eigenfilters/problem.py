@@ -41,12 +41,13 @@ from sixflow.refine.covariance import (
     six_from_unknowns,
     solution_of_pass,
 )
+from sixflow.refine.cut import uniform_windows
 from sixflow.refine.least_squares import floor_of_windows, mean_floor
 from sixflow.refine.light import light_of_images
 from sixflow.refine.problem import Pass, State
 from sixflow.refine.solution import Solution, WindowStatistics
 from sixflow.refine.sweep import Sweep, mean_plane
-from sixflow.refine.uniform import UniformWindow, uniform_windows
+from sixflow.refine.uniform import UniformWindow
 from sixflow.refine.windows import image_sums
 
 _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2), (2, 1), (1, 2), (2, -1), (1, -2))

@@ -33,13 +33,14 @@ from sixflow.maps.restriction import allowed, confined, maps_of, unknowns, with_
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
 from sixflow.refine.covariance import above_floor, covariance_of_pass, shrunk_noise, solution_of_pass
+from sixflow.refine.cut import uniform_windows
 from sixflow.refine.light import light_of_windows
 from sixflow.refine.likeness import coarseness, likeness, textured_area
 from sixflow.refine.moments import Moments, node_spacing
-from sixflow.refine.problem import Pass, PixelWeights, State
+from sixflow.refine.problem import FREEZE, Pass, PixelWeights, State
 from sixflow.refine.solution import Solution, WindowStatistics
 from sixflow.refine.sweep import Sweep, mean_plane
-from sixflow.refine.uniform import UniformWindow, uniform_windows
+from sixflow.refine.uniform import UniformWindow
 from sixflow.refine.windows import WindowSums, window_means, window_sums
 
 GRID_STRIP = 16
@@ -251,8 +252,12 @@ class LeastSquares:
         shape, dtype = images.residual.shape, images.residual.dtype
         raw = np.empty(shape, dtype)
         weight = np.ones(shape, dtype) if weights.weight is None else weights.weight.copy()
-        find_weights(images.residual, images.gradient_x, images.gradient_y, images.still, raw, weight)
-        return PixelWeights(raw, weight, weights.times + 1, weights.partner)
+        parts = images.residual, images.gradient_x, images.gradient_y, images.still
+        # a share of the information that moves a point by less than the tolerance, were it wrong by a pixel
+        stays = self.plan.tolerance
+        changed = find_weights(*parts, raw, weight, stays)
+        times = FREEZE if changed <= stays else weights.times + 1
+        return PixelWeights(raw, weight, times, weights.partner)
 
     def _statistics(self, sums: WindowSums, update: Array) -> WindowStatistics:
         weight, absolute, square, mean, power = np.moveaxis(sums.statistics[..., :5], -1, 0).astype(

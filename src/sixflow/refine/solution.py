@@ -146,6 +146,24 @@ class Solution:
         """Return the solution with one bit set at some points."""
         return self.with_flags(np.where(points, FLAGS[name], 0)) if points.any() else self
 
+    def sampled(self, rows: slice, columns: slice) -> Solution:
+        """Return the solution at some of its rows and columns."""
+        where = rows, columns
+
+        def part(value: Any) -> Any:
+            return value[where] if isinstance(value, np.ndarray) else value
+
+        statistics = {
+            f.name: part(getattr(self.statistics, f.name)) for f in dataclasses.fields(self.statistics)
+        }
+        points = {
+            name: part(getattr(self, name))
+            for name in ("covariance", "left", "window", "period", "flag", "bias", "light", "body")
+        }
+        return self.replace(
+            maps=self.maps[:, rows, columns], statistics=WindowStatistics(**statistics), **points
+        )
+
     def merged(self, other: Solution, where: NDArray[np.bool_]) -> Solution:
         """Return this solution, and the other's points where that is said."""
         return _merged(self, other, where)

@@ -26,7 +26,6 @@ from sixflow.prepare.frame import Frame
 from sixflow.refine.solution import Solution
 
 ROUNDS = 12
-GAIN = 0.02  # share of the missed points that a round has to find for another one
 LEAST_FOUND = 0.05  # share of the points: fewer may be chance, and are nothing to grow from
 
 
@@ -44,18 +43,22 @@ class Scene:
     plan : Plan
         Of the search.
     judge_in : callable
-        Refines a start (6, rows, columns) at full resolution and judges every point; of the frame 0 that is given.
+        Refines a start (6, rows, columns) at full resolution and judges every point; of the frame 0 and by the plan
+        that are given.
+    refined : bool
+        What is found is refined once more, with other windows: points of any window will do.
     """
 
     reference: Frame
     moved: Frame
     grid: Grid
     plan: Plan
-    judge_in: Callable[[NDArray[Any], Frame], Solution]
+    judge_in: Callable[[NDArray[Any], Frame, Plan], Solution]
+    refined: bool = False
 
     def judge(self, start: NDArray[Any]) -> Solution:
         """Refine a start at full resolution and judge every point."""
-        return self.judge_in(start, self.reference)
+        return self.judge_in(start, self.reference, self.plan)
 
     def missed(self, found: Solution) -> NDArray[np.bool_]:
         """Points that could be measured and failed; shape (rows, columns)."""
@@ -89,7 +92,7 @@ def grown(found: Solution, scene: Scene) -> Solution:
     if found.failed.mean() > 1 - LEAST_FOUND:
         return found
     missed = int(scene.missed(found).sum())
-    for _ in range(ROUNDS):
+    for left_over in range(ROUNDS - 1, -1, -1):
         if not missed:
             break
         again = scene.judge(extrapolated(found, scene.grid))
@@ -97,6 +100,6 @@ def grown(found: Solution, scene: Scene) -> Solution:
         if left >= missed:
             break
         gained, missed, found = missed - left, left, again
-        if gained < GAIN * (missed + gained):
+        if gained * left_over < missed:  # at this rate the rounds that are left would not find the rest
             break
     return found
