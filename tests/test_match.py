@@ -97,6 +97,15 @@ def test_apart_is_the_median_distance_of_predictions():
     np.testing.assert_allclose(distance, 0, atol=1e-12)  # one that is off disturbs nobody
 
 
+def test_a_curved_field_is_not_apart():
+    """The cubic through the maps on both sides; at a rim there is one of them only."""
+    x, y = np.meshgrid(GRID.x / 100.0, GRID.y / 100.0)
+    maps = np.stack([x**3, x * y**2, 3 * x**2 / 100, 0 * x, y**2 / 100, 2 * x * y / 100])
+    distance = apart(maps, np.zeros_like(maps), GRID.step, 31.0)
+    np.testing.assert_allclose(distance[4:-4, 4:-4], 0, atol=1e-12)
+    assert distance[0, 9] > 1e-4
+
+
 @pytest.mark.parametrize("sigma", [0.0, 1.5, 4.0])
 @pytest.mark.parametrize(("window", "step"), [(15, 4), (31, 8)])
 def test_unrelated_frames(sigma, window, step):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.chance import normal_limit
-from sixflow.engine.compiler import kernel
+from sixflow.engine.compiler import inner, kernel
 from sixflow.engine.neighbours import AGREEMENT, median, neighbours
 
 QUESTIONS = 8
@@ -64,6 +64,27 @@ def disagreement_strip(
                     worst[j, i] = ratio
 
 
+@inner
+def _pair(maps: NDArray[Any], c: int, at: tuple[int, int], offset: tuple[int, int], step: int) -> float:
+    """Displacement that the neighbours at both ends, at ±offset, leave to a point: the cubic through both maps.
+
+    Where there is one of them only, what its map predicts; NaN where there is none.
+    """
+    rows, columns = maps.shape[1:]
+    (j, i), (dj, di) = at, offset
+    total, slope, count = 0.0, 0.0, 0
+    for sign in (-1, 1):
+        y, x = j + sign * dj, i + sign * di
+        if y < 0 or x < 0 or y >= rows or x >= columns or maps[0, y, x] != maps[0, y, x]:
+            continue
+        total += maps[c, y, x]
+        slope -= sign * step * (maps[2 + 2 * c, y, x] * di + maps[3 + 2 * c, y, x] * dj)
+        count += 1
+    if count == 2:
+        return total / 2 + slope / 4
+    return total + slope if count == 1 else np.nan
+
+
 @kernel
 def apart_strip(
     maps: NDArray[Any],
@@ -74,28 +95,22 @@ def apart_strip(
     stop: int,
     apart: NDArray[Any],
 ) -> None:
-    """Median of the squared distances between a point's displacement and what its neighbours predict, with the
-    variance of each; NaN where fewer than three are known.
+    """Median over four directions of the squared distance between a point's displacement and what its neighbours
+    leave to it, with its variance; NaN where fewer than two directions are known.
     """
-    rows, columns = maps.shape[1:]
-    around = np.empty(8)
+    around = np.empty(4)
     for j in range(start, stop):
-        for i in range(columns):
+        for i in range(maps.shape[2]):
             count = 0
-            for dj in range(-reach, reach + 1, reach):
-                for di in range(-reach, reach + 1, reach):
-                    y, x = j + dj, i + di
-                    if (dj == 0 and di == 0) or y < 0 or x < 0 or y >= rows or x >= columns:
-                        continue
-                    square, hx, hy = 0.0, di * step, dj * step
-                    for c in range(2):
-                        gx, gy = 2 + 2 * c, 3 + 2 * c
-                        predicted = maps[c, y, x] - maps[gx, y, x] * hx - maps[gy, y, x] * hy
-                        square += (predicted - maps[c, j, i]) ** 2 + variances[c, j, i]
-                    if square == square:
-                        around[count] = square
-                        count += 1
-            apart[j, i] = median(around, count) if count >= 3 else np.nan
+            for dj, di in ((0, reach), (reach, 0), (reach, reach), (reach, -reach)):
+                square = 0.0
+                for c in range(2):
+                    predicted = _pair(maps, c, (j, i), (dj, di), step)
+                    square += (predicted - maps[c, j, i]) ** 2 + variances[c, j, i]
+                if square == square:
+                    around[count] = square
+                    count += 1
+            apart[j, i] = median(around, count) if count >= 2 else np.nan
 
 
 @kernel

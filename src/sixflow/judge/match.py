@@ -3,7 +3,7 @@
 *By itself*, ε nats of evidence tell (`sixflow.refine.likeness`).
 
 *With its neighbours.* A window of chance lies anywhere within a cell of the texture. One that lies δ from where windows
-beyond its own pixels predict it has besides
+beyond its own pixels, on opposite sides, leave it by the cubic through both their maps, has besides
 
     ε' = ln [cell area/πδ²].
 
@@ -45,9 +45,9 @@ Array = NDArray[np.float64]
 
 
 def apart(maps: NDArray[Any], variances: Array, step: int, window: float) -> Array:
-    """δ²: how far each displacement is from what the maps one window away predict, px²; shape (rows, columns)."""
+    """δ²: how far each displacement is from what the maps one window away leave to it, px²; shape (rows, columns)."""
     out = np.empty(maps.shape[1:])
-    reach = min(max(1, math.ceil(window / step)), max(1, (min(out.shape) - 1) // 2))
+    reach = min(max(1, round(window / step)), max(1, (min(out.shape) - 1) // 2))
     over_strips(lambda a, b: apart_strip(maps, variances, reach, step, a, b, out), len(out), _STRIP)
     return out
 
