@@ -12,6 +12,7 @@ from sixflow.judge.contradiction import gradient_variances
 from sixflow.judge.match import apart, matches
 from sixflow.judge.texture import is_textured, noise_power
 from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import NO_MASK, Frame
 from sixflow.refine.likeness import PARAMETERS, coarseness, evidence, evidence_of
 from sixflow.refine.problem import least_texture
 from sixflow.synth import Affine, Particles, Sensor, Speckle, pair
@@ -143,14 +144,14 @@ def test_texture_above_noise():
     assert least_texture(961.0) == pytest.approx(2 * normal_limit() / 31)
     noise = np.random.default_rng(7).normal(0, 3, (192, 192))
     grid = Grid.over(noise.shape, 8)
-    assert not is_textured(noise, grid, 31, np.array([3.0])).any()
-    assert is_textured(texture(2.0, 8), grid, 31, np.array([3.0])).all()
-    assert noise_power(texture(2.0, 8) + noise, 31) == pytest.approx(9, rel=0.4)
+    assert not is_textured(Frame(noise, NO_MASK), grid, 31, np.array([3.0])).any()
+    assert is_textured(Frame(texture(2.0, 8), NO_MASK), grid, 31, np.array([3.0])).all()
+    assert noise_power(Frame(texture(2.0, 8) + noise, NO_MASK), 31) == pytest.approx(9, rel=0.4)
 
 
 def test_a_coarse_texture_under_noise_has_fewer_cells():
     """Noise makes gradients steep, and a Gaussian of their steepness too narrow."""
     noise = np.random.default_rng(9).normal(0, 8, (2, 192, 192))
     coarse = [texture(4.0, seed) for seed in (1, 2)]
-    assert coarseness(*coarse, 8.7) < 1.5
-    assert coarseness(*(coarse + noise), 8.7) > 2
+    assert coarseness(*(Frame(image, NO_MASK) for image in coarse), 8.7) < 1.5
+    assert coarseness(*(Frame(image, NO_MASK) for image in coarse + noise), 8.7) > 2

@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.chance import normal_limit
 from sixflow.engine.compiler import kernel
 from sixflow.engine.neighbours import AGREEMENT, median, neighbours
 
-ERRORS = 5.0
+QUESTIONS = 8
+"""Two components in four directions."""
+ERRORS = normal_limit(QUESTIONS)
 """Standard errors that two predictions of a displacement may differ by."""
 STANDS_OUT, LEAST_RESIDUAL = 3.0, 0.1
 """Times the neighbours' median; of a zero-normalised residual."""

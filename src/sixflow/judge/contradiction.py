@@ -6,9 +6,10 @@ not. For d = A sin kx, with the gradient A k, they differ by up to S(kh) h A k, 
 The distance is the one at which q = 0.8 for the period that is attenuated by 10 %: half a window, less with
 sharpening, at least one step. There S = 0.4; a jump seen through the window makes 0.9. What exceeds
 
-    5 standard errors + floor + 1.5 S(kh) h · (largest gradient of the three, in that direction)
+    z standard errors + floor + 1.5 S(kh) h · (largest gradient of the three, in that direction)
 
-lies across an edge. Four directions are asked: along x, along y, and the diagonals.
+lies across an edge. Four directions are asked: along x, along y, and the diagonals; z is `normal_limit` of these
+questions.
 
 A motion that is smooth but finer than the window exceeds it too. It leaves a residual everywhere in the window, a
 motion edge one in the pixels of the other motion, which `engine.weigh` has found outlying. So an edge is a

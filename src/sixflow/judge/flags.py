@@ -64,13 +64,17 @@ def judged(found: Solution, grid: Grid, reference: Frame, plan: Plan) -> Solutio
     flag |= _among_neighbours(trusted, found, variances, grid, plan)
     trusted[:, (flag & FAILING).astype(bool)] = np.nan
     unmatched = ~matches(found, trusted, variances, grid.step)
+    in_doubt = (flag & FLAGS["low_texture"] != 0) | (unmatched & (flag & FAILING == 0))
     flag[unmatched] |= FLAGS["unmatched"]
     flag[masked] = FLAGS["masked"]
-    return found.replace(flag=_with_reasons(flag, unmatched, found, grid, reference, plan))
+    if (in_doubt & ~masked).any():
+        flag = _with_reasons(flag, in_doubt & ~masked, unmatched, found, grid, reference, plan)
+    return found.replace(flag=flag)
 
 
 def _with_reasons(
     flag: NDArray[np.uint16],
+    failed: NDArray[np.bool_],
     unmatched: NDArray[np.bool_],
     found: Solution,
     grid: Grid,
@@ -78,12 +82,9 @@ def _with_reasons(
     plan: Plan,
 ) -> NDArray[np.uint16]:
     """Tell windows without texture from those that have it and do not match: their residual is no noise."""
-    failed = ((flag & (FLAGS["low_texture"] | FLAGS["unmatched"])) != 0) & ((flag & FLAGS["masked"]) == 0)
-    if not failed.any():
-        return flag
     low, window, noise = FLAGS["low_texture"], plan.window.size, found.statistics.noise
-    power = noise_power(frame.image, window)
-    textured = is_textured(frame.image, grid, window, noise[~unmatched])
+    power = noise_power(frame, window)
+    textured = is_textured(frame, grid, window, noise[~unmatched])
     with np.errstate(invalid="ignore"):
         unlike = unmatched | ~(noise**2 < power * (1 + least_texture(window**2)))
     flag[failed & unlike & textured] &= np.uint16(~low & 0xFFFF)

@@ -48,7 +48,7 @@ def period_of(frame: Frame, sigma: float) -> Array | None:
     >>> period_of(Frame(dots, NO_MASK), 8.7).round().tolist()
     [5.0, 6.0]
     """
-    power = spectrum_of(frame.image, sigma)
+    power = spectrum_of(frame, sigma)
     side = len(power)
     taper = np.hanning(side + 1)[:-1]
     overlap = np.fft.ifft(np.abs(np.fft.fft(taper)) ** 2).real
@@ -97,12 +97,8 @@ def ambiguous(problem: Problem, maps: Array, failed: NDArray[np.bool_], period: 
         x, y, px.
     """
     first = problem.step(maps, State())
-    own, cells, weight = (
-        _height(first.statistics.correlation),
-        first.statistics.cells,
-        first.statistics.weight,
-    )
-    assert cells is not None
+    (correlation, cells), weight = first.alike, first.statistics.weight
+    own = _height(correlation)
     evidence, length = np.full(failed.shape, np.inf), float(np.hypot(*period))
     for sign in (1, -1):
         x, y = sign * period
@@ -117,7 +113,7 @@ def ambiguous(problem: Problem, maps: Array, failed: NDArray[np.bool_], period: 
         there = np.hypot(*(made.start[:2] - start[:2])) < length / 2
         with np.errstate(invalid="ignore"):
             there &= made.statistics.weight > weight / 2
-            apart = cells / 2 * (own - _height(made.statistics.correlation))
+            apart = cells / 2 * (own - _height(made.alike[0]))
         evidence = np.where(there & (apart < evidence), apart, evidence)
     doubtful = ~failed & (evidence < evidence_limit())
     least = (problem.plan.window.size / problem.grid.step) ** 2

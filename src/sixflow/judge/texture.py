@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sixflow.engine.fir import filter_separable
 from sixflow.engine.window import CUT, window_sigma
 from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import Frame
 from sixflow.refine.likeness import spectrum_of
 from sixflow.refine.problem import least_texture
 
@@ -44,29 +45,29 @@ def gradient_power(image: NDArray[Any], grid: Grid, window: float) -> tuple[Arra
     return middle - radius, middle + radius
 
 
-def is_textured(image: NDArray[Any], grid: Grid, window: float, noise: NDArray[Any]) -> NDArray[np.bool_]:
+def is_textured(frame: Frame, grid: Grid, window: float, noise: NDArray[Any]) -> NDArray[np.bool_]:
     """Where frame 0 alone has texture in every direction.
 
     Parameters
     ----------
-    image : array, shape (height, width)
+    frame : Frame
     grid : Grid
     window : float
         px.
     noise : array
         Of one frame, where its windows match.
     """
-    power = noise_power(image, window)
+    power = noise_power(frame, window)
     if np.isfinite(noise).any():
         power = min(power, float(np.nanmedian(noise)) ** 2)
-    weakest, _ = gradient_power(image, grid, window)
+    weakest, _ = gradient_power(frame.image, grid, window)
     # every second pixel is asked
     return np.asarray(weakest > power / 2 * (1 + least_texture(window**2 / 4)))
 
 
-def noise_power(image: NDArray[Any], window: float) -> float:
+def noise_power(frame: Frame, window: float) -> float:
     """Power of the white noise that a frame can have at most: that of its spectrum where frequencies are high."""
-    power = spectrum_of(image, window_sigma(window))
+    power = spectrum_of(frame, window_sigma(window))
     quarter = len(power) // 4
     high = slice(quarter, len(power) - quarter + 1)
     return float(power[high, high].mean())

@@ -10,7 +10,7 @@ there. So it is where a body carries its light along (`prepare.light`), and the 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,8 @@ from sixflow.pair.start import Start
 from sixflow.plan import Plan, Window
 from sixflow.prepare.frame import Frame
 from sixflow.prepare.light import BodyLight
-from sixflow.prepare.lighting import Light, confirmed
+from sixflow.prepare.lighting import Change
+from sixflow.prepare.tiles import Tiles
 from sixflow.refine.iterate import dense, refine
 from sixflow.refine.ladder import refine_ladder
 from sixflow.refine.resolution import choose
@@ -53,8 +54,8 @@ class Body:
         not "auto".
     light : BodyLight, optional
         What divides out the local light of the body in frame 1, where the motion carries it.
-    doubtful : bool
-        Whether `lighting` holds only if the matched windows say so too.
+    undecided : bool
+        Whether what was matched decides about the lighting; else it is as the plan says.
     """
 
     still: Frame
@@ -63,7 +64,7 @@ class Body:
     grid: Grid
     plan: Plan
     light: BodyLight | None = None
-    doubtful: bool = False
+    undecided: bool = False
 
     def measure(self, start: Start | None = None, guess: NDArray[np.float64] | None = None) -> Solution:
         """Search, refine and judge.
@@ -80,12 +81,19 @@ class Body:
         if times > 1 and self.light is None:
             return self._on_finer_grid(times, start, guess)
         found = self._found(start, guess)
-        if self.doubtful and not self._confirmed(found):
-            steady = dataclasses.replace(self, plan=self.plan.replace(lighting="none"), doubtful=False)
-            found = steady._refined(found)
-        elif self.light is not None or not self.plan.is_searched:
+        lighting = self._lighting(found) if self.undecided else self.plan.lighting
+        if lighting != self.plan.lighting:
+            lit = dataclasses.replace(self, plan=self.plan.replace(lighting=lighting), undecided=False)
+            if lighting == "none" or not found.failed.any():
+                return lit._finished(lit._refined(found), guessed=guess is not None)
+            return lit.measure(start, guess)  # points may have failed in the light that was seen as steady
+        if self.light is not None or not self.plan.is_searched:
             found = self._refined(found)
-        if guess is None:
+        return self._finished(found, guessed=guess is not None)
+
+    def _finished(self, found: Solution, *, guessed: bool) -> Solution:
+        """Look at what was refined as a whole: other motions that fit, edges, the way back, points that stand alone."""
+        if not guessed:
             found = found.with_flag("ambiguous", self._ambiguous(found))
         if found.statistics.outlying is not None:
             found = found.with_flag("edge", self._refuted(found))
@@ -103,10 +111,15 @@ class Body:
             guess = finer(guess, self.grid, grid, 1)
         return dataclasses.replace(self, grid=grid).measure(start, guess).sampled(*places)
 
-    def _confirmed(self, found: Solution) -> bool:
-        """Whether the windows of the search show the change of light too."""
-        light = found.light
-        return light is None or confirmed(light, ~found.failed, Light.of(self.still).spread)
+    def _lighting(self, found: Solution) -> Literal["auto", "none", "gain+offset", "local"]:
+        """What the tiles that the search matched show of the light; what the plan says where none was."""
+        known = np.where(found.failed, np.nan, found.maps)
+        tiles = Tiles.matched(self.still, self.moved, self.grid, known)
+        if not tiles.count:
+            return self.plan.lighting
+        noise = float(np.median(found.statistics.noise[~found.failed]))
+        changed = Change.between(tiles).matters(tiles, noise, self.plan.window.sigma)
+        return "gain+offset" if changed else "none"
 
     def _found(self, start: Start | None, guess: NDArray[np.float64] | None) -> Solution:
         """What the search finds, or what a start leads to."""

@@ -8,8 +8,8 @@ ladder, i the finer, differ by a **band** of the motion and by noise,
 (∫ over wave numbers as in `engine.response`, for gradients with k²). So what window j leaves out is the bands of all
 finer pairs, and what the finest leaves out. Each of the six is treated by itself.
 
-**The energy of a band**, E_i, is what K d² is above K N, K the mean under a Gaussian of twice the coarser window's σ,
-in which points count by 1/V_i.
+**The energy of a band**, E_i, is what K d² is above K N, K the mean under a Gaussian of twice the coarser window's σ
+(or step), in which points count by 1/V_i.
 Two things blur that: chance, which lets the mean of n squares be 1 + x as rarely as a normal deviate exceeds z, at the
 rate of `sixflow.chance`; and N itself, which holds for a uniform texture: it varies from point to point as V does, and
 its mean is as wrong as it varies (measured on speckle for windows of 8, 11, 16, 22 and 31 px: d² is above N by .73,
@@ -21,7 +21,8 @@ P = `SHARES` E_{i+1} what the next coarser band lets expect. Bands are taken fro
 fine windows would hide what coarse ones rule out. Of two reasons to believe what is found rather than what is expected,
 the stronger holds: it is plainly there, w = 1 − z² doubt²/(…)² (Stein's positive part), or it is not unlikely,
 w = E_{i+1}²/(E_{i+1}² + doubt²): a band may well differ from what is expected by all that the coarser one has. The
-first band has no coarser: E = 0 is expected. Components of a kind are judged together.
+first band has no coarser: E = 0 is expected. It is what noise hides least, and all the others are hidden behind it:
+there z = 1. Components of a kind are judged together.
 
 **At the point** the band is between 0 and d: given E and N, it is d E/(E + N), with variance v = E N/(E + N) (Wiener).
 Bands overlap, and a wave lies in several at once. With the correlation c_m between two that are m half-octaves apart,
@@ -65,7 +66,8 @@ from sixflow.plan import Window
 from sixflow.refine.solution import Solution
 
 SPREAD = 2.0
-"""Standard deviation of K in those of the coarser window: K spreads over four such windows."""
+"""Standard deviation of K in those of the coarser window, or in steps of the grid where that is more: K spreads over
+four such windows, and holds 50 points, whose mean square chance moves by a fifth."""
 SHARES = (0.5, 1.0)
 """Energy of a band over that of the next coarser, of displacement and gradient, where nothing more is seen: that of
 kinks, and of two-dimensional turbulence, whose spectra fall by k⁻² per octave."""
@@ -77,8 +79,6 @@ SMOOTH = 0.25
 """q at least, where windows are plain: that of a motion which is smooth over them, β = σ²/2 ∇²u."""
 WHOLE = 0.98
 """Share of a window on counted pixels, below which it is cut."""
-LEAST = 0.8
-"""Standard deviation of K in steps of the grid: less would be a single point."""
 GRID_STRIP = 16
 
 Array = NDArray[Any]
@@ -120,6 +120,24 @@ def bias_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) -> 
     return bands_of(levels, windows, grid).seen
 
 
+def rules(bias: Array, covariance: Array) -> NDArray[np.bool_]:
+    """Points where what the window leaves out rules the error: u or v by more than noise is ever taken for an error.
+
+    Parameters
+    ----------
+    bias : array, shape (..., 6)
+    covariance : array, shape (..., 6, 6)
+
+    Examples
+    --------
+    >>> [bool(rules(np.full(6, 1e-4), np.eye(6) * noise)) for noise in (1e-4, 6e-6)]
+    [False, True]
+    """
+    noise = np.stack([covariance[..., k, k] for k in range(2)], axis=-1)
+    with np.errstate(invalid="ignore"):
+        return np.asarray((bias[..., :2] > normal_limit() ** 2 * noise).any(axis=-1))
+
+
 def bands_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) -> Bands:
     """Compare neighbouring windows (`bias_of`)."""
     count, shape = len(levels) - 1, (*grid.shape, 6)
@@ -130,7 +148,7 @@ def bands_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) ->
         (fine, coarse), top = levels[b : b + 2], b == count - 1
         planes = np.empty((*grid.shape, PLANES), np.float32)
         measured = fine.maps, fine.covariance, fine.left
-        known = usable[b] & usable[b + 1]
+        known = usable[b] & usable[b + 1] & (fine.period < coarse.period)
         _over(
             grid,
             difference_strip,
@@ -154,7 +172,23 @@ def bands_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) ->
         laws = overlap(sharpen, max(count, 2)), np.array([BEYOND if sharpen else SMOOTH, BEYOND])
         out = expected.reshape(count + 1, *flat), seen.reshape(count + 1, *flat)
         _over(grid, left_out_strip, bands, *laws, out=out)
+    _as_far_as_sharpened(levels, windows, expected, seen)
     return Bands(expected, seen, noise)
+
+
+def _as_far_as_sharpened(
+    levels: list[Solution], windows: tuple[Window, ...], expected: Array, seen: Array
+) -> None:
+    """Let points that did not bear the sharpening leave out what the window does that resolves as little as they."""
+    periods = np.array([window.period for window in windows])
+    whole = expected.copy()
+    for b, level in enumerate(levels):
+        alike = np.searchsorted(periods * 1.01, np.nan_to_num(level.period))
+        lower = alike > b
+        if lower.any():
+            rows, columns = np.nonzero(lower)
+            expected[b, rows, columns] = whole[np.minimum(alike[lower], len(levels) - 1), rows, columns]
+            seen[b, rows, columns] = np.maximum(seen[b, rows, columns], expected[b, rows, columns])
 
 
 def _variances(level: Solution, window: Window) -> Array:
@@ -169,7 +203,7 @@ def _variances(level: Solution, window: Window) -> Array:
 @cache
 def law_of(fine: Window, coarse: Window, step: int, *, top: bool) -> NDArray[np.float64]:
     """What `energy_strip` needs to know of a band, for displacement and gradient; shape (2, 6)."""
-    ratio, reach = coarse.size / fine.size, max(SPREAD * coarse.sigma, LEAST * step)
+    ratio, reach = coarse.size / fine.size, SPREAD * max(coarse.sigma, step)
     law, limit = [], normal_limit()
     for kind, components in enumerate((2, 4)):
         f, squared = difference_noise(ratio, fine.sharpen)[kind]
@@ -179,7 +213,9 @@ def law_of(fine: Window, coarse: Window, step: int, *, top: bool) -> NDArray[np.
             9 * components * max(independent, 1.0)
         )  # Wilson and Hilferty: the cube root of χ² is normal
         chance = (((1 - part + limit * math.sqrt(part)) ** 3 - 1) / limit) ** 2
-        law.append([f, chance, 0.0 if top else SHARES[kind], ROUGHER, limit, 0.0 if top else limit])
+        law.append(
+            [f, chance, 0.0, ROUGHER, 1.0, 0.0] if top else [f, chance, SHARES[kind], ROUGHER, limit, limit]
+        )
     return np.array(law)
 
 
@@ -242,7 +278,7 @@ def _is_cut(level: Solution) -> NDArray[np.bool_]:
 
 def _smooth(planes: Array, window: Window, grid: Grid) -> Array:
     """Sums of planes (rows, columns, planes) under K of the coarser window."""
-    reach = max(SPREAD * window.sigma / grid.step, LEAST)
+    reach = SPREAD * max(window.sigma / grid.step, 1.0)
     half = np.exp(-((np.arange(math.ceil(2.5 * reach) + 1) / reach) ** 2) / 2).astype(planes.dtype)
     out = np.empty_like(planes)
     over_strips(lambda start, stop: smooth_strip(planes, half, start, stop, out), grid.rows, GRID_STRIP)

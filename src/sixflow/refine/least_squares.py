@@ -67,6 +67,12 @@ class LeastSquaresPass(Pass):
     total: bool
     plane: Array
 
+    @property
+    def alike(self) -> tuple[Array, Array]:
+        """Correlation of the windows, and cells of an even texture (`Pass.alike`)."""
+        correlation, density = likeness(self.sums)
+        return correlation, 4 * math.pi * self.sigma**2 * self.statistics.weight * density
+
 
 @dataclasses.dataclass(frozen=True)
 class Swept:
@@ -186,7 +192,7 @@ class LeastSquares:
         """Return the field that a last pass found (`Problem.solution`)."""
         assert isinstance(found, LeastSquaresPass)
         covariance, statistics = covariance_of_pass(self, found, sharpened=borne is not None)
-        statistics = dataclasses.replace(statistics, cells=self._cells(found))
+        statistics = self._with_likeness(found, statistics)
         solution = solution_of_pass(self.plan, covariance, statistics, maps, left, borne)
         light = None if found.state.light is None else np.moveaxis(found.state.light, 0, -1)
         return solution.replace(light=light, pixels=found.state.weights)
@@ -208,20 +214,20 @@ class LeastSquares:
         )
         return out
 
-    def _cells(self, found: LeastSquaresPass) -> Array:
-        """Independent cells of texture in every window."""
+    def _with_likeness(self, found: LeastSquaresPass, statistics: WindowStatistics) -> WindowStatistics:
+        """The statistics with correlation and cells, the latter as the texture fills the window and is coarse."""
+        correlation, density = likeness(found.sums)
         area = textured_area(self._merged(found.moments), found.sums, self.grid, self.sigma)
-        density = likeness(found.sums)[1] / self._coarseness
         if not self.central:  # gradients are along the axes of the moved frame
-            density = density * np.abs(
-                (1 + found.start[2]) * (1 + found.start[5]) - found.start[3] * found.start[4]
-            )
+            u_x, u_y, v_x, v_y = found.start[2:]
+            density = density * np.abs((1 + u_x) * (1 + v_y) - u_y * v_x)
         with np.errstate(invalid="ignore"):
-            return np.asarray(area * density)
+            cells = area * density / self._coarseness
+        return dataclasses.replace(statistics, correlation=correlation, cells=cells)
 
     @cached_property
     def _coarseness(self) -> float:
-        return coarseness(self.still.image, self.moved.image, self.sigma)
+        return coarseness(self.still, self.moved, self.sigma)
 
     def _solution(self, sums: WindowSums, swept: Swept) -> tuple[Array, Array]:
         """The solution of the normal equations, and the change of the motion that it makes."""
@@ -283,11 +289,7 @@ class LeastSquares:
             GRID_STRIP,
         )
         noise, lacking = above_floor(noise, self.floor)
-        correlation, density = likeness(sums)
-        return WindowStatistics(
-            weight, noise, residual, left, noise_gradient, texture, rho, tail, lacking,
-            correlation=correlation, cells=4 * math.pi * self.sigma**2 * weight * density,
-        )  # fmt: skip
+        return WindowStatistics(weight, noise, residual, left, noise_gradient, texture, rho, tail, lacking)
 
     def _gradient_noise(self, noise: Array, weight: Array) -> Array:
         """γ: what noise adds to Σ w g_x²."""

@@ -49,11 +49,12 @@ from sixflow.engine.rows import DERIVATIVE
 from sixflow.engine.sweep import NORMAL_RANKS
 from sixflow.engine.weigh import by_chance
 from sixflow.maps.grid import Grid
+from sixflow.prepare.frame import Frame
 from sixflow.refine.moments import Moments
 from sixflow.refine.solution import WindowStatistics
 from sixflow.refine.windows import WindowSums, sums_of
 
-TILES = 4
+TILES = 3
 """Tiles along each side of a frame."""
 
 PARAMETERS = 7
@@ -119,16 +120,17 @@ def textured_area(moments: Moments, sums: WindowSums, grid: Grid, sigma: float) 
         return np.asarray(np.minimum(lattice.spacing**2 * total**2 / squares, 4 * math.pi * sigma**2))
 
 
-def coarseness(still: NDArray[Any], moved: NDArray[Any], sigma: float) -> float:
+def coarseness(still: Frame, moved: Frame, sigma: float) -> float:
     """∫c₀c₁/a of two frames, at least 1, at the scale of a window.
 
     Examples
     --------
-    >>> noise = np.random.default_rng(0).normal(size=(2, 128, 128))
+    >>> from sixflow.prepare.frame import NO_MASK
+    >>> noise = [Frame(image, NO_MASK) for image in np.random.default_rng(0).normal(size=(2, 128, 128))]
     >>> coarseness(*noise, 8.7) < 1.2
     True
     """
-    power = [spectrum_of(image, sigma) for image in (still, moved)]
+    power = [spectrum_of(frame, sigma) for frame in (still, moved)]
     side = len(power[0])
     totals = [float(part.sum()) for part in power]
     if not all(totals):
@@ -147,11 +149,15 @@ def correlation_area(first: Array, second: Array) -> float:
     return float(first.size * (first * second).sum() / (first.sum() * second.sum()))
 
 
-def spectrum_of(image: NDArray[Any], sigma: float) -> Array:
+def spectrum_of(frame: Frame, sigma: float) -> Array:
     """Mean power spectrum of tiles of a frame of some windows' size, variance per pixel; shape (side, side)."""
+    side = min(2 ** math.ceil(math.log2(max(4 * sigma, 8))), *frame.image.shape)
+    return frame.spectrum(side, _spectrum)
+
+
+def _spectrum(image: NDArray[Any], side: int) -> Array:
     from scipy.fft import fft2
 
-    side = min(2 ** math.ceil(math.log2(max(4 * sigma, 8))), *image.shape)
     line = np.hanning(side + 1)[:-1].astype(image.dtype)
     taper = np.outer(line, line)
     rows, columns = (np.unique(np.linspace(0, size - side, TILES).astype(int)) for size in image.shape)

@@ -146,7 +146,17 @@ class Pass:
     @property
     def trusted(self) -> NDArray[np.bool_]:
         """Where the windows match besides, by themselves."""
-        return np.asarray(self.measurable & (evidence_of(self.statistics) > evidence_limit()))
+        correlation, cells = self.alike
+        statistics = dataclasses.replace(self.statistics, correlation=correlation, cells=cells)
+        return np.asarray(self.measurable & (evidence_of(statistics) > evidence_limit()))
+
+    @property
+    def alike(self) -> tuple[Array, Array]:
+        """Correlation of the windows, and independent cells of texture in each (`sixflow.refine.likeness`)."""
+        correlation, cells = self.statistics.correlation, self.statistics.cells
+        assert correlation is not None
+        assert cells is not None
+        return correlation, cells
 
     @property
     def changing(self) -> bool:

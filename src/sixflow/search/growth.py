@@ -79,7 +79,7 @@ class Scene:
     def _textured(self, found: Solution) -> NDArray[np.bool_]:
         """Where frame 0 has texture in every direction; shape (rows, columns)."""
         noise = found.statistics.noise[~found.failed]
-        return is_textured(self.reference.image, self.grid, self.plan.window.size, noise)
+        return is_textured(self.reference, self.grid, self.plan.window.size, noise)
 
 
 def extrapolated(found: Solution, grid: Grid) -> NDArray[Any]:
