@@ -51,7 +51,9 @@ def efficiency(seeds: int) -> None:
         for seed in range(seeds):
             pattern = make(seed)
             made = make_pair(pattern, six, SIDE, NOISE, seed)
-            error, predicted, flag = errors_at_points(sixflow.measure(made.frame0, made.frame1), made)
+            error, predicted, flag = errors_at_points(
+                sixflow.measure(made.frame0, made.frame1, window=31), made
+            )
             good = flag == 0
             errors.append(error[good])
             limits.append(cramer_rao(pattern, SIDE, grid, WINDOW, NOISE)[good])
@@ -87,7 +89,9 @@ def coverage(seeds: int) -> None:
             standardised = []
             for seed in range(seeds):
                 made = make_pair(make(seed), SMALL, SIDE, noise, seed)
-                error, predicted, flag = errors_at_points(sixflow.measure(made.frame0, made.frame1), made)
+                error, predicted, flag = errors_at_points(
+                    sixflow.measure(made.frame0, made.frame1, window=31), made
+                )
                 standardised.append((error / predicted)[flag == 0])
             z = np.concatenate(standardised)
             spread = z.std(axis=0)
@@ -108,7 +112,7 @@ def bias() -> None:
     for interpolation, limit_u, limit_g in (("cubic", 1e-3, 1e-4), ("quintic", 1e-4, 1e-4)):
         for sigma in (1.4, 2.0, 2.4):
             made = make_pair(synth.Speckle(sigma=sigma, seed=1), SMALL, SIDE, 0.0, 1)
-            field = sixflow.measure(made.frame0, made.frame1, interpolation=interpolation)
+            field = sixflow.measure(made.frame0, made.frame1, window=31, interpolation=interpolation)
             error, _, flag = errors_at_points(field, made)
             error = error[flag == 0]
             worst_u, worst_g = rms(error[:, :2], 0).max(), rms(error[:, 2:], 0).max()
@@ -135,7 +139,7 @@ def sharpening(seeds: int) -> None:
         for period in (60.0, 90.0, 140.0):
             motion = synth.Star(amplitude=0.5, periods=(period, period), columns=(0, SIDE), row=SIDE / 2)
             made = synth.pair(synth.Speckle(seed=3), motion, (SIDE, SIDE))
-            field = sixflow.measure(made.frame0, made.frame1, sharpen=sharpen, tolerance=1e-3)
+            field = sixflow.measure(made.frame0, made.frame1, window=31, sharpen=sharpen, tolerance=1e-3)
             x, y = np.meshgrid(field.x.values.astype(float), field.y.values.astype(float))
             truth = made.truth(x, y)[..., 1]
             good = field.flag.values[0] == 0
@@ -163,7 +167,7 @@ def sharpening(seeds: int) -> None:
         for seed in range(2 * seeds):
             made = make_pair(synth.Speckle(seed=seed), (0.3, -0.4, 0, 0, 0, 0), SIDE, NOISE, seed)
             error, _, flag = errors_at_points(
-                sixflow.measure(made.frame0, made.frame1, sharpen=sharpen), made
+                sixflow.measure(made.frame0, made.frame1, window=31, sharpen=sharpen), made
             )
             errors.append(error[flag == 0])
         spread = np.concatenate(errors).std(axis=0)

@@ -87,7 +87,7 @@ def _repeated(sharpen: int) -> np.ndarray:
 def _response(sharpen: int, period: float) -> float:
     motion = synth.Star(amplitude=0.3, periods=(period, period), columns=(0, SIDE), row=SIDE / 2)
     made = synth.pair(synth.Speckle(sigma=1.5, seed=3), motion, (SIDE, SIDE))
-    field = sixflow.measure(made.frame0, made.frame1, sharpen=sharpen, step=4, tolerance=1e-3)
+    field = sixflow.measure(made.frame0, made.frame1, window=31, sharpen=sharpen, step=4, tolerance=1e-3)
     x, y = np.meshgrid(field.x.values.astype(float), field.y.values.astype(float))
     truth = made.truth(x, y)[..., 1]
     good = (field.flag.values[0] == 0) & (np.abs(y - SIDE / 2) < SIDE / 2 - 80)
@@ -102,7 +102,9 @@ def _noise(sharpen: int, seeds: int) -> np.ndarray:
             synth.Speckle(seed=seed), synth.Affine.translation(0.3, -0.4), (SIDE, SIDE),
             sensor=synth.Sensor(noise=NOISE, seed=seed),
         )  # fmt: skip
-        error, _, _ = errors_at_points(sixflow.measure(made.frame0, made.frame1, sharpen=sharpen), made)
+        error, _, _ = errors_at_points(
+            sixflow.measure(made.frame0, made.frame1, window=31, sharpen=sharpen), made
+        )
         inside = error[8:-8, 8:-8].reshape(-1, 6)
         errors.append(inside[np.isfinite(inside).all(axis=1)])
     spread = np.concatenate(errors).std(axis=0)

@@ -21,9 +21,11 @@ WINDOW = 31
 """px: of tests that count windows, or compare a field with what theory says of one window."""
 
 
-def measure(*frames, window=WINDOW, **options):
-    """`sixflow.measure` with one window for all points."""
-    return sixflow.measure(*frames, window=window, **options)
+def measure(*frames, **options):
+    """`sixflow.measure` with one window for all points, unless the options say another."""
+    if "settings" not in options:
+        options = {"window": WINDOW} | options
+    return sixflow.measure(*frames, **options)
 
 
 def affine(six, shape):

@@ -25,6 +25,8 @@ def statistics_of(shape, **changes):
         "noise_gradient": 1.0,
         "texture": 50.0,
         "rho": 0.0,
+        "correlation": 0.995,
+        "cells": 100.0,
     }
     return WindowStatistics(**{name: np.full(shape, value) for name, value in ordinary.items()} | changes)
 

@@ -5,7 +5,8 @@ import pytest
 
 import measured
 import naive
-from sixflow import InputError, measure, measure_sequence
+from measured import measure
+from sixflow import InputError, measure_sequence
 from sixflow.engine.window import window_sigma
 from sixflow.masks import REACH, Bodies, Masks
 from sixflow.pair import body

@@ -122,7 +122,7 @@ def test_rendered_plane_is_seen_as_the_model_says():
     """What a window adds to the displacement of a slanted plane, on a texture, without noise."""
     view = synth.PlaneInView(CAMERA, PLANE, MOTION)
     made = synth.pair(synth.Speckle(seed=4), view, SHAPE)
-    field = sixflow.measure(made.frame0, made.frame1)
+    field = sixflow.measure(made.frame0, made.frame1, window=31)
     x, y = np.meshgrid(field.x, field.y)
     whole = field.flag.values[0] == 0
     seen = np.stack([field.u.values[0], field.v.values[0]], axis=-1) - made.truth(x, y)[..., :2]

@@ -6,7 +6,8 @@ from scipy import ndimage
 
 import measured
 import naive
-from sixflow import InputError, Settings, measure, measure_sequence
+from measured import measure
+from sixflow import InputError, Settings, measure_sequence
 from sixflow.engine.lowpass import lowpass_half, lowpass_noise, lowpass_power, lowpass_reach, smoothed
 from sixflow.engine.rows import DERIVATIVE
 from sixflow.engine.spline import gradient_noise, noise_variance

@@ -13,7 +13,8 @@ from scipy.signal import fftconvolve
 
 import measured
 import naive
-from sixflow import InputError, Settings, measure, measure_sequence
+from measured import measure
+from sixflow import InputError, Settings, measure_sequence
 from sixflow.cli import main
 from sixflow.eigenfilters.problem import EigenfilterProblem, OperatorArray
 from sixflow.engine.response import response as response_of
@@ -322,7 +323,7 @@ class TestNothingToFollow:
         )
         field = eigenfilter(*frames, window=15, step=4)
         flat = np.broadcast_to(field.x.values > 36 + 20, measured.failed(field).shape)
-        assert measured.flagged(field, "low_texture", "unmatched")[flat].all()
+        assert measured.flagged(field, "low_texture", "unmatched", "masked")[flat].all()
         textured = np.broadcast_to(field.x.values < 24, flat.shape)
         assert not measured.failed(field)[textured].any()
 
@@ -577,8 +578,8 @@ def test_a_recording_is_its_pairs():
 class TestSettings:
     def test_attributes(self, field):
         settings = Settings.from_mapping(json.loads(field.attrs["settings"]))
-        assert settings == Settings(method="eigenfilter")
-        assert repr(settings) == "Settings(method='eigenfilter')"
+        assert settings == Settings(window=31, method="eigenfilter")
+        assert repr(settings) == "Settings(window=31, method='eigenfilter')"
 
     def test_file_and_command_line(self, made, tmp_path, monkeypatch):
         monkeypatch.chdir(tmp_path)

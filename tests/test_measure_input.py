@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import measured
-from sixflow import InputError, SixflowError, measure, measure_sequence
+from measured import measure
+from sixflow import InputError, SixflowError, measure_sequence
 from sixflow.synth import Speckle, render
 
 GOOD = render(Speckle(), (64, 72))

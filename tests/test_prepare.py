@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import measured
-from sixflow import measure, measure_sequence
+from measured import measure
+from sixflow import measure_sequence
 from sixflow.errors import BadFrameError
 from sixflow.frames.floor import Floor
 from sixflow.masks import Bodies

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import measured
-from sixflow import InputError, Settings, convention, measure, measure_sequence
+from measured import measure
+from sixflow import InputError, Settings, convention, measure_sequence
 from sixflow.maps.grid import Grid
 from sixflow.maps.placing import leaves, masked_points, placed
 from sixflow.synth import Affine, Sensor, Speckle, pair, sequence

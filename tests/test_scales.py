@@ -96,7 +96,7 @@ def test_what_stands_out_is_a_defect():
     assert not found(lone(0.97 * level, noise))
     assert found(lone(1.03 * level, noise))
     for diameter, alone in ((1.8, True), (2.0, False)):  # D = 0.9 A at 1.9 px
-        particle = 100 * np.exp(-8 * (np.hypot(*np.mgrid[-20:44, -20:44]) / diameter) ** 2)
+        particle = np.round(100 * np.exp(-8 * (np.hypot(*np.mgrid[-20:44, -20:44]) / diameter) ** 2), 1)
         assert found(particle) == alone
 
 

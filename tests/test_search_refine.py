@@ -9,10 +9,10 @@ from sixflow import measure
 from sixflow.engine.response import response as response_of
 from sixflow.maps.grid import Grid
 from sixflow.prepare.frame import NO_MASK, Frame
+from sixflow.refine.cut import LatticeWindow
 from sixflow.refine.iterate import refine, with_pixel_weights
 from sixflow.refine.least_squares import LeastSquares
 from sixflow.refine.problem import State
-from sixflow.refine.uniform import LatticeWindow
 from sixflow.search.pyramid import finer, level_count, pyramid
 from sixflow.synth import Affine, Sensor, Speckle, pair
 from solved import passes, plan_of

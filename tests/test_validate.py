@@ -5,7 +5,8 @@ import pytest
 
 import naive
 from sixflow.convention.flags import FAILING, FLAGS
-from sixflow.judge.flags import _collapses, _islands, isolated, judged
+from sixflow.judge.chance import normal_limit
+from sixflow.judge.flags import _collapses, bias_rules, isolated, judged
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import LIMIT, fill_failed, median_outliers, settle
 from sixflow.prepare.frame import NO_MASK, Frame
@@ -115,7 +116,7 @@ def test_settle_replaces_outliers():
 
 
 def judge(maps=None, valid=NO_MASK, **changes):
-    frame = Frame(np.zeros((80, 96)), valid)
+    frame = Frame(50 * np.random.default_rng(3).normal(size=(80, 96)), valid)
     maps = GRID.plane(np.zeros(6)) if maps is None else maps
     return judged(solution_of(maps, **changes), GRID, frame, plan_of((80, 96))).flag
 
@@ -130,11 +131,12 @@ def one_point(value, ordinary):
     ("changes", "flags"),
     [
         ({}, []),
-        ({"texture": one_point(0.5, 50.0)}, ["low_texture"]),
+        ({"texture": one_point(0.2, 50.0)}, ["low_texture"]),
         ({"texture": one_point(np.nan, 50.0)}, ["low_texture"]),
         ({"weight": one_point(0.9, 1.0)}, ["border"]),
         ({"weight": one_point(0.1, 1.0)}, ["border", "unmatched"]),
-        ({"residual": one_point(1.2, 0.1)}, ["unmatched"]),
+        ({"correlation": one_point(0.2, 0.995)}, ["unmatched"]),
+        ({"correlation": one_point(0.2, 0.995), "texture": one_point(0.0, 50.0)}, ["unmatched"]),
     ],
 )
 def test_flags(changes, flags):
@@ -177,12 +179,6 @@ def test_outliers_are_flagged():
     assert np.count_nonzero(flag) == 1
 
 
-def test_points_alone_among_failed_ones_are_outliers():
-    texture = np.zeros(GRID.shape)
-    texture[4, 5] = 50
-    assert judge(texture=texture)[4, 5] & FLAGS["outlier"]
-
-
 def test_masked_hides_everything_else():
     valid = np.ones((80, 96), np.uint8)
     valid[:40] = 0
@@ -212,19 +208,6 @@ def test_points_without_support_take_those_with_them_that_stand_on_them():
     assert not isolated(np.where(failed, FLAGS["masked"], 0).astype(np.uint16)).any()
 
 
-def test_small_islands_that_match_poorly_are_chance():
-    failed = np.ones((12, 12), bool)
-    failed[1:3, 1:3] = failed[1:3, 6:8] = failed[5:12, 2:12] = False
-    residual = np.full(failed.shape, 0.9)
-    residual[1:3, 6:8] = 0.2
-    chance = _islands(failed, residual, 15.0)
-    expected = np.zeros_like(failed)
-    expected[1:3, 1:3] = True  # the second matches well, the third is larger than a window
-    np.testing.assert_array_equal(chance, expected)
-    assert not _islands(np.zeros_like(failed), residual, 15.0).any()
-    assert not _islands(np.ones_like(failed), residual, 15.0).any()
-
-
 def test_maps_that_fold_the_window_are_outliers():
     maps = np.zeros((6, 2, 2))
     maps[2:, 0, 0] = -1.13, 0.17, -0.29, -0.4  # det F = -0.03
@@ -234,3 +217,12 @@ def test_maps_that_fold_the_window_are_outliers():
     maps[2:, 0, 0] = 2.1, 0.0, 0.0, 0.0  # seen from the middle, frame 0 is folded
     assert _collapses(maps, "middle")[0, 0]
     assert not _collapses(maps, "first")[0, 0]
+
+
+def test_bias_rules_where_it_stands_out_of_noise():
+    bias = np.zeros((*GRID.shape, 6))
+    bias[2, 3, 1] = bias[4, 5, 2] = 1.1e-4 * normal_limit() ** 2  # of v, and of a gradient
+    bias[6, 7, 0] = 0.9e-4 * normal_limit() ** 2  # the noise's variance is 1e-4
+    found = solution_of(GRID.plane(np.zeros(6)))
+    assert not bias_rules(found).any()
+    assert np.argwhere(bias_rules(found.replace(bias=bias))).tolist() == [[2, 3]]

@@ -7,6 +7,7 @@ at this rate. A question that asks n things of one point shares the rate between
 from __future__ import annotations
 
 import math
+from statistics import NormalDist
 
 FALSE_ALARMS = 1e-4
 """Probability at which chance alone fails a point, for each kind of question."""
@@ -20,9 +21,7 @@ def normal_limit(questions: float = 1.0) -> float:
     >>> round(normal_limit(), 2), round(normal_limit(8), 2)
     (3.89, 4.37)
     """
-    from scipy.special import ndtri
-
-    return float(-ndtri(FALSE_ALARMS / questions / 2))
+    return -NormalDist().inv_cdf(FALSE_ALARMS / questions / 2)
 
 
 def evidence_limit(places: float = 1.0) -> float:

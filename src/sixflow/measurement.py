@@ -26,6 +26,7 @@ from sixflow.frames.floor import Floor
 from sixflow.frames.times import FrameTimes, Pairs, Times
 from sixflow.masks import MaskLike, Masks
 from sixflow.pair.session import Session
+from sixflow.prepare.pattern import FixedPattern
 from sixflow.recording.consecutive import consecutive
 from sixflow.recording.schedule import Recording, Schedule
 from sixflow.recording.sequence import Update, check_update, follow
@@ -107,6 +108,10 @@ def _measure_pair(
 ) -> xr.Dataset:
     files = _files(frame0, frame1, chosen)
     chosen = chosen if files is None else files.settings
+    if chosen.fixed_pattern:
+        raise InputError(
+            "fixed_pattern=True: two frames do not tell what all have in common; use measure_sequence"
+        )
     floor = Floor() if files is None else Floor.of(files.source)
     session = Session(chosen, masks=masks, guess=guess, floor=floor)
     given = (frame0, frame1) if files is None else tuple(files.source)
@@ -297,6 +302,9 @@ def _measured(
         strict=strict,
         floor=Floor.of(recording.source),
     )
+    notes: tuple[str, ...] = ()
+    if recording.settings.fixed_pattern:
+        session.pattern, notes = _pattern(recording)
     if schedule.pairs in ("first", "incremental"):
         results = follow(session, recording, masks, renewal, skip, done)
     else:
@@ -305,10 +313,23 @@ def _measured(
         schedule.attrs | ({} if update is None else {"update": update}) | {"source": recording.source.origin}
     )
     for places, result in results:
-        result = dataclasses.replace(result, notes=(*recording.news(), *result.notes))
+        result = dataclasses.replace(result, notes=(*notes, *recording.news(), *result.notes))
+        notes = ()
         yield session.field(result, recording.times_of(places), recording.names_of(places), **attrs)
     recording.check_count()
     return recording.left_over()
+
+
+def _pattern(recording: Recording) -> tuple[FixedPattern, tuple[str, ...]]:
+    """What all frames of a recording have in common, and a note on it."""
+    source = recording.source
+    if source.count is None:
+        raise InputError(
+            "fixed_pattern=True: the frames have to be read twice; give a list, an array or files"
+        )
+    pattern = FixedPattern.of(source.attempt(), source.count, source.shape)
+    said = f"of {pattern.size:.2g} grey was taken out" if pattern.size else "was not found"
+    return pattern, (f"a fixed pattern {said}: what all frames have in common at the same pixels",)
 
 
 def _files(frame0: Any, frame1: Any, settings: Settings) -> Recording | None:

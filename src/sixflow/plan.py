@@ -165,6 +165,17 @@ class Plan:
         """Share of the way from frame 0 to frame 1 at which the grid points lie: 0, ½ or 1."""
         return SHARE[self.reference]
 
+    def between(self, step: int) -> int:
+        """How many times closer points have to stand than a step for the windows of the ladder; 1 with one window.
+
+        No further apart than the finest window is wide; if no divisor of the step is from half of that to that, they
+        stand as far apart as is asked for.
+        """
+        if not self.ladder or step <= self.ladder[0].size:
+            return 1
+        fine = [n for n in range(2, step) if step % n == 0 and 1 / 2 <= step / n / self.ladder[0].size <= 1]
+        return min(fine, default=1)
+
     @property
     def is_searched(self) -> bool:
         """Whether the search itself measures what is asked for: from frame 0, with one window, not sharpened."""

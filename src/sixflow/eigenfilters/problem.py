@@ -41,12 +41,13 @@ from sixflow.refine.covariance import (
     six_from_unknowns,
     solution_of_pass,
 )
+from sixflow.refine.cut import uniform_windows
 from sixflow.refine.least_squares import floor_of_windows, mean_floor
 from sixflow.refine.light import light_of_images
 from sixflow.refine.problem import Pass, State
 from sixflow.refine.solution import Solution, WindowStatistics
 from sixflow.refine.sweep import Sweep, mean_plane
-from sixflow.refine.uniform import UniformWindow, uniform_windows
+from sixflow.refine.uniform import UniformWindow
 from sixflow.refine.windows import image_sums
 
 _NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2), (2, 1), (1, 2), (2, -1), (1, -2))
@@ -133,7 +134,7 @@ class EigenfilterProblem:
         return EigenfilterPass(
             start=maps, maps=solution, update=update,
             statistics=self._statistics(equations, normal, update, weight), state=State(light),
-            equations=equations, normal=normal,
+            equations=equations, normal=normal, sigma=self.sigma,
         )  # fmt: skip
 
     def uniform(self, maps: Real, state: State) -> UniformWindow:
@@ -185,8 +186,16 @@ class EigenfilterProblem:
             weakest = (a + c) / 2 - np.sqrt((a - c) ** 2 / 4 + b**2)
             rho = 2 * gamma / (a + c)
             texture = np.where(weakest > 1e-4 * (a + c), weakest / gamma / _SHARED_NOISE, 0.0)
+            steepness = np.sqrt(
+                np.maximum(normal[..., 0, 0] * normal[..., 3, 3] - normal[..., 0, 3] ** 2, 0.0)
+            )
+            cells = 4 * self.sigma**2 * weight * steepness * array.frame_constant / contrast
+            correlation = 1 - residual**2 / 2
         noise, lacking = above_floor(noise, self.floor)
-        return WindowStatistics(weight, noise, residual, left, gamma, texture, rho, None, lacking)
+        return WindowStatistics(
+            weight, noise, residual, left, gamma, texture, rho, None, lacking,
+            correlation=correlation, cells=cells,
+        )  # fmt: skip
 
     def _covariance(self, found: EigenfilterPass, sharpen: int) -> Real:
         array, pool, equations, statistics = self.array, self.pool, found.equations, found.statistics

@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.chance import normal_limit
 from sixflow.engine.compiler import kernel
 from sixflow.engine.neighbours import AGREEMENT, median, neighbours
 
-ERRORS = 5.0
+QUESTIONS = 8
+"""Two components in four directions."""
+ERRORS = normal_limit(QUESTIONS)
 """Standard errors that two predictions of a displacement may differ by."""
 STANDS_OUT, LEAST_RESIDUAL = 3.0, 0.1
 """Times the neighbours' median; of a zero-normalised residual."""
@@ -59,6 +62,40 @@ def disagreement_strip(
                 ratio = apart / (ERRORS * math.sqrt(variance) + floor)
                 if ratio > worst[j, i]:
                     worst[j, i] = ratio
+
+
+@kernel
+def apart_strip(
+    maps: NDArray[Any],
+    variances: NDArray[Any],
+    reach: int,
+    step: int,
+    start: int,
+    stop: int,
+    apart: NDArray[Any],
+) -> None:
+    """Median of the squared distances between a point's displacement and what its neighbours predict, with the
+    variance of each; NaN where fewer than three are known.
+    """
+    rows, columns = maps.shape[1:]
+    around = np.empty(8)
+    for j in range(start, stop):
+        for i in range(columns):
+            count = 0
+            for dj in range(-reach, reach + 1, reach):
+                for di in range(-reach, reach + 1, reach):
+                    y, x = j + dj, i + di
+                    if (dj == 0 and di == 0) or y < 0 or x < 0 or y >= rows or x >= columns:
+                        continue
+                    square, hx, hy = 0.0, di * step, dj * step
+                    for c in range(2):
+                        gx, gy = 2 + 2 * c, 3 + 2 * c
+                        predicted = maps[c, y, x] - maps[gx, y, x] * hx - maps[gy, y, x] * hy
+                        square += (predicted - maps[c, j, i]) ** 2 + variances[c, j, i]
+                    if square == square:
+                        around[count] = square
+                        count += 1
+            apart[j, i] = median(around, count) if count >= 3 else np.nan
 
 
 @kernel

@@ -6,9 +6,10 @@ not. For d = A sin kx, with the gradient A k, they differ by up to S(kh) h A k, 
 The distance is the one at which q = 0.8 for the period that is attenuated by 10 %: half a window, less with
 sharpening, at least one step. There S = 0.4; a jump seen through the window makes 0.9. What exceeds
 
-    5 standard errors + floor + 1.5 S(kh) h · (largest gradient of the three, in that direction)
+    z standard errors + floor + 1.5 S(kh) h · (largest gradient of the three, in that direction)
 
-lies across an edge. Four directions are asked: along x, along y, and the diagonals.
+lies across an edge. Four directions are asked: along x, along y, and the diagonals; z is `normal_limit` of these
+questions.
 
 A motion that is smooth but finer than the window exceeds it too. It leaves a residual everywhere in the window, a
 motion edge one in the pixels of the other motion, which `engine.weigh` has found outlying. So an edge is a
@@ -55,10 +56,17 @@ _STRIP = 16
 Array = NDArray[np.float64]
 
 
-def gradient_variances(covariance: NDArray[Any]) -> Array:
-    """Variances of u, v, u_x, u_y, v_x, v_y from the covariance of the six; shape (6, rows, columns)."""
+def gradient_variances(covariance: NDArray[Any], bias: NDArray[Any] | None = None) -> Array:
+    """Variances of u, v, u_x, u_y, v_x, v_y from the covariance of the six; shape (6, rows, columns).
+
+    With `bias`, shape (rows, columns, 6), its expected squares are in them.
+    """
     out = np.empty((6, *covariance.shape[:2]))
     over_strips(lambda a, b: variances_strip(covariance, a, b, out), out.shape[1], _STRIP)
+    if bias is not None:
+        u, v, divergence, curl, stretch, shear = np.moveaxis(np.nan_to_num(bias), -1, 0)
+        along, across = (divergence + stretch) / 4, (shear + curl) / 4
+        out += np.stack([u, v, along, across, across, along])
     return out
 
 

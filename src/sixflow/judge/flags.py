@@ -1,8 +1,9 @@
 """Flags: which points of a solution were measured, and what is to be said of the others.
 
-A point has to have texture above the noise and a standard error below `MAXIMUM_ERROR`, a window that looks alike in
-both frames, a place in both, and has to stay where it is from pass to pass. Its neighbours have to predict it
-(`sixflow.maps.neighbours`, `sixflow.judge.contradiction`), and most of them have to be measured too.
+A point has to have texture above the noise (`sixflow.judge.texture`) and a standard error below `MAXIMUM_ERROR`, a
+place in both frames, and has to stay where it is from pass to pass. Its neighbours have to predict it
+(`sixflow.maps.neighbours`, `sixflow.judge.contradiction`), and its window has to match, by itself or with theirs
+(`sixflow.judge.match`).
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.convention.reference import SHARE
 from sixflow.engine.rows import LEAST_AREA
-from sixflow.engine.weigh import by_chance
+from sixflow.judge.chance import normal_limit
 from sixflow.judge.contradiction import (
     at_edge,
     disagreement,
@@ -23,20 +24,18 @@ from sixflow.judge.contradiction import (
     gradient_variances,
     stands_out,
 )
+from sixflow.judge.match import matches
+from sixflow.judge.texture import is_textured, noise_power
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import AGREEMENT, CURVED, LIMIT, curvature, median_outliers
 from sixflow.maps.placing import leaves, masked_points
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
-from sixflow.refine.problem import MINIMUM_KEPT, MINIMUM_TEXTURE, MINIMUM_WEIGHT
+from sixflow.refine.problem import MINIMUM_KEPT, MINIMUM_WEIGHT, least_texture
 from sixflow.refine.solution import Solution
 
 MAXIMUM_ERROR = 0.5
 """px: a larger standard error is no measurement."""
-MAXIMUM_RESIDUAL = 1.0
-"""Of a zero-normalised residual: correlation 0.5."""
-SUSPECT_RESIDUAL = 0.6
-"""Residual that is enough to call a window unmatched whose texture does not rise above it."""
 COMPLETE_WEIGHT = 0.98
 """Share of a window on pixels that have a partner, below which it is cut by a border."""
 
@@ -61,13 +60,47 @@ def judged(found: Solution, grid: Grid, reference: Frame, plan: Plan) -> Solutio
     agreement += CURVED / LIMIT * curvature(trusted, grid.step, reach)
     flag[median_outliers(trusted, grid.step, reach, agreement)] |= FLAGS["outlier"]
     trusted[:, (flag & FAILING).astype(bool)] = np.nan
-    flag |= _among_neighbours(trusted, found, grid, plan)
-    flag[_unsupported((flag & FAILING).astype(bool) & ~masked, masked)] |= FLAGS["outlier"]
-    failed = (flag & FAILING).astype(bool) | masked
-    islands = _islands(failed, found.statistics.residual, (plan.window.size / grid.step) ** 2)
-    flag[islands] |= FLAGS["outlier"]
+    variances = gradient_variances(found.covariance)
+    flag |= _among_neighbours(trusted, found, variances, grid, plan)
+    trusted[:, (flag & FAILING).astype(bool)] = np.nan
+    unmatched = ~matches(found, trusted, variances, grid.step)
+    in_doubt = (flag & FLAGS["low_texture"] != 0) | (unmatched & (flag & FAILING == 0))
+    flag[unmatched] |= FLAGS["unmatched"]
     flag[masked] = FLAGS["masked"]
+    if (in_doubt & ~masked).any():
+        flag = _with_reasons(flag, in_doubt & ~masked, unmatched, found, grid, reference, plan)
     return found.replace(flag=flag)
+
+
+def _with_reasons(
+    flag: NDArray[np.uint16],
+    failed: NDArray[np.bool_],
+    unmatched: NDArray[np.bool_],
+    found: Solution,
+    grid: Grid,
+    frame: Frame,
+    plan: Plan,
+) -> NDArray[np.uint16]:
+    """Tell windows without texture from those that have it and do not match: their residual is no noise."""
+    low, window, noise = FLAGS["low_texture"], plan.window.size, found.statistics.noise
+    power = noise_power(frame, window)
+    textured = is_textured(frame, grid, window, noise[~unmatched])
+    with np.errstate(invalid="ignore"):
+        unlike = unmatched | ~(noise**2 < power * (1 + least_texture(window**2)))
+    flag[failed & unlike & textured] &= np.uint16(~low & 0xFFFF)
+    flag[failed & unlike & textured] |= FLAGS["unmatched"]
+    flag[failed & ~textured] |= low
+    return flag
+
+
+def bias_rules(found: Solution) -> NDArray[np.bool_]:
+    """Where what the window leaves out of the displacement stands out of its noise; of points that have a value."""
+    if found.bias is None:
+        return np.zeros(found.flag.shape, np.bool_)
+    with np.errstate(invalid="ignore"):
+        noise = np.diagonal(found.covariance, axis1=-2, axis2=-1)[..., :2]
+        left_out = found.bias[..., :2] > normal_limit() ** 2 * noise
+    return np.asarray(left_out.any(axis=-1) & ~found.failed)
 
 
 def _error(found: Solution) -> NDArray[np.float64]:
@@ -84,25 +117,26 @@ def _by_itself(found: Solution, grid: Grid, shape: tuple[int, ...], plan: Plan) 
         error = _error(found)
         outside = leaves(maps, grid, (shape[0], shape[1]), plan.reference)
         unknown = np.isnan(maps).any(axis=0)
-        measurable = (statistics.texture > MINIMUM_TEXTURE) & (error < MAXIMUM_ERROR)
+        textured = statistics.texture > least_texture(found.window**2 * statistics.weight)
+        measurable = textured & (error < MAXIMUM_ERROR)
         partner = statistics.weight if statistics.partner is None else statistics.partner
         flag[partner < COMPLETE_WEIGHT] |= FLAGS["border"]
         flag[unknown | ~measurable] |= FLAGS["low_texture"]
-        unlike = statistics.residual > np.where(measurable, MAXIMUM_RESIDUAL, SUSPECT_RESIDUAL)
-        if statistics.matched is not None:
-            unlike |= ~(statistics.matched > by_chance(statistics.residual))
-        gone = (outside & ~unknown) | (partner < MINIMUM_WEIGHT) | (statistics.weight < MINIMUM_KEPT) | unlike
+        gone = (outside & ~unknown) | (partner < MINIMUM_WEIGHT) | (statistics.weight < MINIMUM_KEPT)
         flag[gone] |= FLAGS["unmatched"]
         flag[_collapses(maps, plan.reference)] |= FLAGS["outlier"]
         flag[found.left > np.maximum(2 * plan.tolerance, error / 2)] |= FLAGS["not_converged"]
     return flag
 
 
-def _among_neighbours(maps: NDArray[Any], found: Solution, grid: Grid, plan: Plan) -> NDArray[np.uint16]:
+def _among_neighbours(
+    maps: NDArray[Any], found: Solution, variances: NDArray[np.float64], grid: Grid, plan: Plan
+) -> NDArray[np.uint16]:
     """Flags of outliers in gradient, edges, what is unresolved, and residuals that stand out (`contradiction`)."""
     flag, statistics = np.zeros(grid.shape, np.uint16), found.statistics
-    variances, period = gradient_variances(found.covariance), plan.window.period
-    flag[gradient_outliers(maps, variances, grid.step, period)] |= FLAGS["outlier"]
+    period = plan.window.period
+    in_all = variances if found.bias is None else gradient_variances(found.covariance, found.bias)
+    flag[gradient_outliers(maps, in_all, grid.step, period)] |= FLAGS["outlier"]
     apart = disagreement(maps, variances, grid.step, period)
     edge = at_edge(apart, statistics.outlying, statistics.outlying_centre)
     flag[edge] |= FLAGS["edge"]
@@ -136,24 +170,6 @@ def _neighbours(points: NDArray[np.bool_]) -> NDArray[np.int8]:
             if (j, i) != (1, 1):
                 total += around[j : j + rows, i : i + columns]
     return total
-
-
-def _islands(failed: NDArray[np.bool_], residual: NDArray[Any], window: float) -> NDArray[np.bool_]:
-    """Connected points, no more than one window holds, that match poorly: they see the same pixels and confirm nothing.
-
-    `window` is the number of grid points in one.
-    """
-    if not failed.any() or failed.all():
-        return np.zeros(failed.shape, np.bool_)
-    from scipy.ndimage import label, median
-
-    number, count = label(~failed, np.ones((3, 3)))
-    every = np.arange(1, count + 1)
-    small = np.bincount(number.ravel(), minlength=count + 1)[1:] <= window
-    if not small.any():
-        return np.zeros(failed.shape, np.bool_)
-    poor = np.asarray(median(residual, number, every)) > SUSPECT_RESIDUAL
-    return np.append(False, small & poor)[number]
 
 
 def _collapses(maps: NDArray[Any], reference: str) -> NDArray[np.bool_]:

@@ -6,8 +6,8 @@ share s of the way leads to (`placing`),
     e = U(p) + V(p + (1 − 2s) U(p))
 
 vanishes where both follow the same thing. Both see the same noise, with opposite signs, so that e is far less than
-their standard errors: a point fails where |e| > 0.1 px + 3 √(s_U² + s_V²). A point for which the backward field knows
-nothing is not judged.
+their standard errors: a point fails where, in u or in v, |e| > 0.1 px + z √(s_U² + s_V²), z the `normal_limit` of two
+questions. A point for which the backward field knows nothing is not judged.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.chance import normal_limit
 from sixflow.maps.grid import Grid
 from sixflow.maps.placing import surface_of
 
 FLOOR = 0.1  # px
-ERRORS = 3.0
+ERRORS = normal_limit(2)
 
 
 def closure(

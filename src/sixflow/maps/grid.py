@@ -54,6 +54,21 @@ class Grid:
         """(x0, y0, step), as the kernels take it."""
         return self.x0, self.y0, self.step
 
+    def finer(self, times: int, shape: tuple[int, int]) -> tuple[Grid, tuple[slice, slice]]:
+        """Return a grid over a frame (height, width) with points so many times closer, and where this one's are.
+
+        Examples
+        --------
+        >>> Grid.over((64, 48), 16).finer(2, (64, 48))
+        (Grid(x0=7, y0=7, step=8, columns=6, rows=8), (slice(0, None, 2), slice(0, None, 2)))
+        """
+        step, ends = self.step // times, []
+        for origin, size in ((self.y0, shape[0]), (self.x0, shape[1])):
+            before = origin // step
+            ends.append((origin - before * step, (size - 1 - origin) // step + before + 1, before))
+        (y0, rows, above), (x0, columns, left) = ends
+        return Grid(x0, y0, step, columns, rows), (slice(above, None, times), slice(left, None, times))
+
     def within(
         self, rows: slice, columns: slice, *, origin: tuple[slice, slice]
     ) -> tuple[Grid, tuple[slice, slice]] | None:

@@ -10,14 +10,14 @@ there. So it is where a body carries its light along (`prepare.light`), and the 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sixflow.convention.flags import FLAGS
 from sixflow.judge.edges import refuted
-from sixflow.judge.flags import isolated, judged
+from sixflow.judge.flags import bias_rules, isolated, judged
+from sixflow.judge.repeats import ambiguous, period_of
 from sixflow.judge.roundtrip import no_return
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import fill_failed, settle
@@ -27,12 +27,14 @@ from sixflow.pair.start import Start
 from sixflow.plan import Plan, Window
 from sixflow.prepare.frame import Frame
 from sixflow.prepare.light import BodyLight
-from sixflow.prepare.lighting import Light, confirmed
+from sixflow.prepare.lighting import Change
+from sixflow.prepare.tiles import Tiles
 from sixflow.refine.iterate import dense, refine
 from sixflow.refine.ladder import refine_ladder
 from sixflow.refine.resolution import choose
 from sixflow.refine.solution import Solution
 from sixflow.search.growth import Scene, extrapolated
+from sixflow.search.pyramid import finer
 from sixflow.search.stage import find_motion
 
 
@@ -52,8 +54,8 @@ class Body:
         not "auto".
     light : BodyLight, optional
         What divides out the local light of the body in frame 1, where the motion carries it.
-    doubtful : bool
-        Whether `lighting` holds only if the matched windows say so too.
+    undecided : bool
+        Whether what was matched decides about the lighting; else it is as the plan says.
     """
 
     still: Frame
@@ -62,7 +64,7 @@ class Body:
     grid: Grid
     plan: Plan
     light: BodyLight | None = None
-    doubtful: bool = False
+    undecided: bool = False
 
     def measure(self, start: Start | None = None, guess: NDArray[np.float64] | None = None) -> Solution:
         """Search, refine and judge.
@@ -75,28 +77,55 @@ class Body:
         guess : array, shape (6, rows, columns), optional
             A user's first guess, at points of frame 0.
         """
+        times = self.plan.between(self.grid.step)
+        if times > 1 and self.light is None:
+            return self._on_finer_grid(times, start, guess)
         found = self._found(start, guess)
-        if self.doubtful and not self._confirmed(found):
-            steady = dataclasses.replace(self, plan=self.plan.replace(lighting="none"), doubtful=False)
-            found = steady._refined(found)
-        elif self.light is not None or not self.plan.is_searched:
+        lighting = self._lighting(found) if self.undecided else self.plan.lighting
+        if lighting != self.plan.lighting:
+            lit = dataclasses.replace(self, plan=self.plan.replace(lighting=lighting), undecided=False)
+            if lighting == "none" or not found.failed.any():
+                return lit._finished(lit._refined(found), guessed=guess is not None)
+            return lit.measure(start, guess)  # points may have failed in the light that was seen as steady
+        if self.light is not None or not self.plan.is_searched:
             found = self._refined(found)
+        return self._finished(found, guessed=guess is not None)
+
+    def _finished(self, found: Solution, *, guessed: bool) -> Solution:
+        """Look at what was refined as a whole: other motions that fit, edges, the way back, points that stand alone."""
+        if not guessed:
+            found = found.with_flag("ambiguous", self._ambiguous(found))
         if self.plan.robust and self.plan.method == "least_squares":
             found = found.with_flag("edge", self._refuted(found))
         if self.plan.forward_backward:
             found = found.with_flag("forward_backward", self._fails_round_trip(found))
-        return found.with_flag("outlier", isolated(found.flag))
+        found = found.with_flag("outlier", isolated(found.flag))
+        return found.with_flag("unresolved", bias_rules(found))
 
-    def _confirmed(self, found: Solution) -> bool:
-        """Whether the windows of the search show the change of light too."""
-        light = found.light
-        return light is None or confirmed(light, ~found.failed, Light.of(self.still).spread)
+    def _on_finer_grid(self, times: int, start: Start | None, guess: NDArray[np.float64] | None) -> Solution:
+        """Measure at points that are closer to each other than is asked for, and take those that are."""
+        grid, places = self.grid.finer(times, self.plan.shape)
+        if start is not None:
+            start = Start(finer(start.maps, self.grid, grid, 1))
+        if guess is not None:
+            guess = finer(guess, self.grid, grid, 1)
+        return dataclasses.replace(self, grid=grid).measure(start, guess).sampled(*places)
+
+    def _lighting(self, found: Solution) -> Literal["auto", "none", "gain+offset", "local"]:
+        """What the tiles that the search matched show of the light; what the plan says where none was."""
+        known = np.where(found.failed, np.nan, found.maps)
+        tiles = Tiles.matched(self.still, self.moved, self.grid, known)
+        if not tiles.count:
+            return self.plan.lighting
+        noise = float(np.median(found.statistics.noise[~found.failed]))
+        changed = Change.between(tiles).matters(tiles, noise, self.plan.window.sigma)
+        return "gain+offset" if changed else "none"
 
     def _found(self, start: Start | None, guess: NDArray[np.float64] | None) -> Solution:
         """What the search finds, or what a start leads to."""
         plan = self.plan.of_search
 
-        def judge(maps: NDArray[Any], still: Frame) -> Solution:
+        def judge(maps: NDArray[Any], still: Frame, plan: Plan) -> Solution:
             part = self if still is self.still else dataclasses.replace(self, still=still, asked=still)
             return part._measured(maps, plan)
 
@@ -104,10 +133,11 @@ class Body:
         if start is not None:
             if self.plan.share:
                 start = dataclasses.replace(start, maps=placed(start.maps, self.grid, -self.plan.share))
-            begun = judge(start.maps, self.still)
+            begun = judge(start.maps, self.still, plan)
             if start.succeeded(begun.flag, self.grid, plan):
                 return begun
-        found = find_motion(Scene(self.still, self.moved, self.grid, plan, judge), guess)
+        refined = bool(self.plan.ladder)
+        found = find_motion(Scene(self.still, self.moved, self.grid, plan, judge, refined), guess)
         return found if begun is None or found.share_failed < begun.share_failed else begun
 
     def _refined(self, found: Solution) -> Solution:
@@ -139,8 +169,7 @@ class Body:
         found = refine_ladder(*frames, self.grid, self.plan, searched, start)
         middle = float(np.nanmedian(found.window))
         plan = self.plan.replace(window=Window(middle, self.plan.ladder[0].sharpen))
-        flag = found.flag | judged(found, self.grid, self.asked, plan).flag
-        return found.replace(flag=np.where(flag & FLAGS["masked"], FLAGS["masked"], flag).astype(np.uint16))
+        return judged(found, self.grid, self.asked, plan)
 
     def _measured(self, start: NDArray[Any], plan: Plan, *, sharpened: bool = False) -> Solution:
         """Refine a start with one window, and judge it; `sharpened`: the start was, by another window."""
@@ -161,6 +190,18 @@ class Body:
             start = fill_failed(there.known, self.grid.step)
             frames = self.light.divided_out(*frames, start, self.plan.share)
         return refuted(*frames, self.grid, there, self.plan)
+
+    def _ambiguous(self, there: Solution) -> NDArray[np.bool_]:
+        """Points whose motion may be longer by a period of the texture."""
+        plan = self.plan.replace(window=self.plan.of_search.window, ladder=())
+        period = period_of(self.still, plan.window.sigma)
+        if period is None or there.failed.all():
+            return np.zeros(self.grid.shape, np.bool_)
+        maps = fill_failed(self._dense(there).known, self.grid.step)
+        frames = self.still, self.moved
+        if self.light is not None:
+            frames = self.light.divided_out(*frames, maps, plan.share)
+        return ambiguous(problem_of(*frames, self.grid, plan), maps, there.failed, period)
 
     def _fails_round_trip(self, there: Solution) -> NDArray[np.bool_]:
         """Points that do not return where they came from, by a measurement from frame 1 to frame 0."""

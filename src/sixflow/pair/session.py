@@ -12,22 +12,27 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from sixflow.convention.flags import FLAGS
 from sixflow.errors import BadFrameError
 from sixflow.frames.floor import Floor
 from sixflow.frames.times import PairTimes
+from sixflow.judge.repeats import period_of
 from sixflow.maps.grid import Grid
 from sixflow.maps.six import six_of_maps
 from sixflow.masks import AnyBodies, Bodies, Masks
 from sixflow.masks.outlines import region_of
 from sixflow.masks.said import said_of_mask
 from sixflow.pair.bodies import PairBodies
+from sixflow.pair.camera import seen_of_camera
 from sixflow.pair.result import PairResult, field_of_pair, result_of_solution, same_content
 from sixflow.pair.start import Start
 from sixflow.pair.unmeasured import repeated
 from sixflow.plan import Plan
 from sixflow.prepare.image import Grey, check_frame, range_of, require_contrast
 from sixflow.prepare.interlacing import InterlacingCheck
+from sixflow.prepare.pattern import FixedPattern
 from sixflow.prepare.prepare import Prepared, prepare_frame, prepare_pair
+from sixflow.refine.solution import Solution
 from sixflow.search.guess import Guess, is_stored_in_settings, maps_of_guess
 from sixflow.settings import Settings
 
@@ -71,6 +76,7 @@ class Session:
         self.region: NDArray[np.bool_] | None = None
         self.grey = Grey(0.0, 1.0, np.float32)
         self.interlacing = InterlacingCheck()
+        self.pattern: FixedPattern | None = None
         self._within: tuple[Bodies | None, Bodies] | None = None
 
     @property
@@ -111,7 +117,7 @@ class Session:
             )
         return prepare_frame(
             array, name, self.bodies_of(bodies), self.grey,
-            floor=self.floor, interlacing=self.interlacing, lasting=lasting,
+            floor=self.floor, interlacing=self.interlacing, lasting=lasting, pattern=self.pattern,
         )  # fmt: skip
 
     def bodies_of(self, mask: AnyBodies) -> Bodies | None:
@@ -157,18 +163,34 @@ class Session:
         asked, moving = self.asked, self.masks.moving
         pair = prepare_pair(
             reference, moved, masks_move=moving, robust=asked.robust, copies=self.floor.copies,
-            lowpass=asked.lowpass, scale=self.grey.scale,
+            lowpass=asked.lowpass,
         )  # fmt: skip
-        plan = self.plan.replace(lighting=pair.change.settings(asked).lighting)
-        doubtful = asked.lighting == "auto" and plan.lighting == "gain+offset"
-        bodies = PairBodies(pair.reference, pair.moved, plan, moving, self.guess_maps, doubtful)
+        undecided = asked.lighting == "auto" and asked.method != "eigenfilter"
+        plan = self.plan
+        if asked.lighting == "auto":
+            plan = plan.replace(lighting="gain+offset" if undecided and pair.change.seen else "none")
+        bodies = PairBodies(pair.reference, pair.moved, plan, moving, self.guess_maps, undecided)
         found = bodies.measure(start)  # search, refine, judge
         notes = (*self._notes_of_masks(reference, moved), *reference.notes, *moved.notes)
-        notes += pair.change.notes(asked, found.lighting, numbers) + pair.notes(numbers)
+        found, seen = seen_of_camera(pair, found, plan, asked, numbers, self.grey.scale)
+        notes += seen + pair.notes(numbers)
+        notes += self._notes_of_texture(pair.reference, found)
         return result_of_solution(
             found, pair, plan, numbers, notes, masks_move=moving, scale=self.grey.scale,
             replace=asked.replace_failed,
         )  # fmt: skip
+
+    def _notes_of_texture(self, reference: Prepared, found: Solution) -> tuple[str, ...]:
+        """What should be known of a texture that repeats."""
+        doubtful = (found.flag & FLAGS["ambiguous"]) != 0
+        period = period_of(reference.frame, self.plan.of_search.window.sigma) if doubtful.any() else None
+        if period is None:
+            return ()
+        x, y = np.abs(period)
+        return (
+            f"the texture repeats every ({x:.3g}, {y:.3g}) px: the motion of {100 * doubtful.mean():.2g} % of the "
+            "points is known up to a period only; a first guess (search) tells which",
+        )
 
     def _notes_of_masks(self, reference: Prepared, moved: Prepared) -> tuple[str, ...]:
         """What should be known of the masks of a pair, each thing once."""

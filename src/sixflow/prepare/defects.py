@@ -14,6 +14,12 @@ reflection or a dark corner elsewhere says nothing about a pixel. The image of a
 D = (1 − exp(−8/d²))A at its peak, 0.9 A where d = 1.9 px. Where the pattern moves hardly any is taken for a defect,
 where it stands still, 1 peak in 100 of 3 px and 5 in 100 of 2.4 px, of which nothing but the top is lost.
 
+Particle images of hardly more than a pixel that move hardly any stand out and stay as well. But a lens makes them: they
+light the pixels beside them, if by a few percent, and a pixel of the sensor does not. Of every pixel that was found the
+mean of the four next ones, above that of the sixteen around, is compared with its own; if the mean of these shares is
+above 0 by more than chance (Student's t at `chance.FALSE_ALARMS`), they are images, and none is a defect. The shares of
+defects are below 0: pixels stand out for not being beside something bright.
+
 The value of a defective pixel is the biharmonic one, 20 p = 8 Σ(next) − 2 Σ(diagonal) − Σ(next but one), exact for
 cubic images; it would otherwise spread over the ten pixels around it when the frame is interpolated. What the
 replacement does not get right is left to the weights of `engine.weigh`.
@@ -25,11 +31,13 @@ pixels beside it count: there defects are replaced too, found in both frames as 
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.chance import FALSE_ALARMS
 from sixflow.engine.pixels import DEFECT_TILE, find_lone_strip, tile_levels_strip
 from sixflow.engine.scales import median_around
 from sixflow.engine.threads import over_strips
@@ -47,6 +55,7 @@ AT_RIM = 2.0
 _REACH = 1  # tiles around one that say what is usual there
 _SWEEPS, _REPAIR_SWEEPS = 2, 8
 _STRIP = 64
+Places = tuple[tuple[int, int], ...]
 _RING = tuple((j, i) for j in range(-2, 3) for i in range(-2, 3) if max(abs(j), abs(i)) == 2)
 _NEXT, _DIAGONAL = ((-1, 0), (1, 0), (0, -1), (0, 1)), ((-1, -1), (-1, 1), (1, -1), (1, 1))
 _NEXT_BUT_ONE = ((-2, 0), (2, 0), (0, -2), (0, 2))
@@ -98,26 +107,50 @@ def defects(
     for image in (image0, image1):
         alone = _is_alone(image, known, y, x)
         y, x = y[alone], x[alone]
+    if y.size and _light_their_neighbours(image0 + image1, known, y, x):
+        return np.empty((2, 0), np.int64)
     return np.stack([y, x])
+
+
+def _beside(
+    image: NDArray[Any], known: NDArray[np.bool_], y: NDArray[np.int64], x: NDArray[np.int64], places: Places
+) -> NDArray[Any]:
+    """Values at places about some pixels, NaN where they are not known; shape (places, pixels)."""
+    height, width = image.shape
+    values = []
+    for j, i in places:
+        row, column = np.clip(y + j, 0, height - 1), np.clip(x + i, 0, width - 1)
+        values.append(np.where(known[row, column], image[row, column], np.nan))
+    return np.stack(values)
+
+
+def _light_their_neighbours(
+    image: NDArray[Any], known: NDArray[np.bool_], y: NDArray[np.int64], x: NDArray[np.int64]
+) -> bool:
+    """Whether pixels that stand out light those next to them, all together more than chance does."""
+    around = _beside(image, known, y, x, _RING).mean(axis=0)
+    p, q = image[y, x] - around, _beside(image, known, y, x, _NEXT).mean(axis=0) - around
+    told = np.isfinite(p) & np.isfinite(q) & (p != 0)
+    share = (q[told] / p[told]).astype(np.float64)
+    if share.size < 2:
+        return False
+    from scipy.special import stdtrit
+
+    limit = float(stdtrit(share.size - 1, 1 - FALSE_ALARMS / 2))
+    return float(share.mean()) > limit * float(share.std(ddof=1)) / math.sqrt(share.size)
 
 
 def _is_alone(
     image: NDArray[Any], known: NDArray[np.bool_], y: NDArray[np.int64], x: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
     """Whether |D| > 0.9 |A| at some pixels, shape (pixels,), by their neighbours that are known."""
-    height, width = image.shape
-
-    def beside(j: int, i: int) -> NDArray[Any]:
-        row, column = np.clip(y + j, 0, height - 1), np.clip(x + i, 0, width - 1)
-        return np.where(known[row, column], image[row, column], np.nan)
-
     p = image[y, x]
     differences = []
     for j, i in ((0, 1), (1, 0)):
-        one, other = beside(j, i), beside(-j, -i)
+        one, other = _beside(image, known, y, x, ((j, i), (-j, -i)))
         one, other = np.where(np.isnan(one), other, one), np.where(np.isnan(other), one, other)
         differences.append(np.nan_to_num(p - (one + other) / 2))
-    around = np.stack([beside(j, i) for j, i in _RING])
+    around = _beside(image, known, y, x, _RING)
     told = ~np.isnan(around).all(axis=0)
     middle = np.zeros(p.shape, image.dtype)
     middle[told] = np.nanmedian(around[:, told], axis=0)
@@ -141,7 +174,7 @@ def repaired(image: NDArray[Any], at: NDArray[np.int64], valid: NDArray[np.uint8
     if valid.size:  # what was continued from a defect
         out[2:-2, 2:-2] = continued(out[2:-2, 2:-2], valid)
 
-    def around(places: tuple[tuple[int, int], ...]) -> NDArray[Any]:
+    def around(places: Places) -> NDArray[Any]:
         return sum(out[y + 2 + j, x + 2 + i] for j, i in places)
 
     for _ in range(_REPAIR_SWEEPS):

@@ -47,6 +47,7 @@ class Frame:
     _half: Frame | None = None
     _coefficients: dict[int, NDArray[Any]] = dataclasses.field(default_factory=dict)
     _derived: dict[tuple[str, float], Frame] = dataclasses.field(default_factory=dict)
+    _spectra: dict[int, NDArray[np.float64]] = dataclasses.field(default_factory=dict)
 
     def within(self, valid: NDArray[np.uint8]) -> Frame:
         """Return the same image with another validity mask."""
@@ -68,6 +69,14 @@ class Frame:
         if step not in self._derived:
             self._derived[step] = make()
         return self._derived[step]
+
+    def spectrum(
+        self, side: int, make: Callable[[NDArray[Any], int], NDArray[np.float64]]
+    ) -> NDArray[np.float64]:
+        """Return the spectrum of the image's tiles of a side, px; made the first time."""
+        if side not in self._spectra:
+            self._spectra[side] = make(self.image, side)
+        return self._spectra[side]
 
     def part(self, place: tuple[slice, slice]) -> Frame:
         """Return rows and columns of the frame; the frame itself where these are all."""

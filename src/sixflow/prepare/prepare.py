@@ -29,14 +29,17 @@ from sixflow.errors import BadFrameError
 from sixflow.frames.compression import compression_note
 from sixflow.frames.floor import Floor, rounding_noise
 from sixflow.frames.metadata import Compression
+from sixflow.maps.grid import Grid
 from sixflow.masks import Bodies
 from sixflow.prepare.copies import copied_pixels
 from sixflow.prepare.defects import without_defects
 from sixflow.prepare.frame import NO_MASK, Frame, both_valid
 from sixflow.prepare.image import Grey, to_image, within_range
 from sixflow.prepare.interlacing import InterlacingCheck
-from sixflow.prepare.lighting import Change, Light
+from sixflow.prepare.lighting import Change
 from sixflow.prepare.nodata import continued, within_region, without_blanks
+from sixflow.prepare.pattern import FixedPattern
+from sixflow.prepare.tiles import SIDE, Tiles
 
 
 @dataclasses.dataclass
@@ -89,6 +92,7 @@ def prepare_frame(
     floor: Floor,
     interlacing: InterlacingCheck,
     lasting: bool,
+    pattern: FixedPattern | None = None,
 ) -> Prepared:
     """Prepare a frame by itself.
 
@@ -106,6 +110,8 @@ def prepare_frame(
     interlacing : InterlacingCheck
     lasting : bool
         The raw frame stays as it is until the pair is measured.
+    pattern : FixedPattern, optional
+        Taken out of the image.
 
     Raises
     ------
@@ -115,6 +121,8 @@ def prepare_frame(
     digest = beside(lambda: hashlib.sha256(np.ascontiguousarray(array).data).digest())
     inside = region_of(bodies)
     image, valid = to_image(array, grey)
+    if pattern is not None:
+        image -= (pattern.grey * grey.scale).astype(image.dtype)
     if valid.size and not valid.any():
         raise BadFrameError(f"{name} has no pixel of a size that can be computed with; scale its grey values")
     notes = _note_of_missing(name, valid, inside)
@@ -161,7 +169,7 @@ class PreparedPair:
     ----------
     reference, moved : Prepared
     change : Change
-        Of the light between them.
+        Of the light between them, seen without their motion.
     blank : (int, int)
         Number of blank pixels in each.
     copied : float
@@ -204,7 +212,6 @@ def prepare_pair(
     robust: bool,
     copies: bool,
     lowpass: float,
-    scale: float = 1.0,
 ) -> PreparedPair:
     """Prepare the two frames of a pair: no data, defects, low-pass; and tell whether the light changed.
 
@@ -220,8 +227,6 @@ def prepare_pair(
         Whether a codec may have copied pixels.
     lowpass : float
         Of the Gaussian, px; 0 for none.
-    scale : float
-        Of the images.
     """
     region = region_of(reference.bodies)
     there = moved.bodies if masks_move else None
@@ -235,7 +240,7 @@ def prepare_pair(
         first, second, dead = without_defects(first, second, unmasked)
     # without a mask of its own, frame 1 is compared where that of frame 0 is
     alike = second if there is not None else second.within(both_valid(region, second.valid))
-    change = Change.between(Light.of(first, scale), Light.of(alike, scale))
+    change = Change.between(Tiles.matched(first, alike, Grid.over(first.image.shape, SIDE // 4)))
     pair = [
         dataclasses.replace(one, frame=lowpassed(frame, lowpass), copied=copied)
         for one, frame in ((reference, first), (moved, second))

@@ -12,7 +12,6 @@ what a window leaves out does not change faster.
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -22,10 +21,10 @@ from sixflow.convention.flags import FLAGS
 from sixflow.maps.grid import Grid
 from sixflow.plan import Window
 from sixflow.refine.bias import bias_of
+from sixflow.refine.cut import uniform_windows
 from sixflow.refine.least_squares import LeastSquares, LeastSquaresPass, Swept
 from sixflow.refine.problem import State
 from sixflow.refine.solution import Solution
-from sixflow.refine.uniform import uniform_windows
 
 Array = NDArray[Any]
 
@@ -62,20 +61,9 @@ def with_bias(problem: LeastSquares, found: LeastSquaresPass, solution: Solution
 
 def _own(solution: Solution, some: slice) -> Solution:
     """Every so manieth point of a solution."""
-    statistics = dataclasses.replace(
-        solution.statistics,
-        **{
-            field.name: value[some, some]
-            for field in dataclasses.fields(solution.statistics)
-            if (value := getattr(solution.statistics, field.name)) is not None
-        },
-    )
-    unknown = np.isnan(solution.maps[:, some, some]).any(axis=0)
-    return solution.replace(
-        maps=solution.maps[:, some, some], covariance=solution.covariance[some, some], statistics=statistics,
-        left=solution.left[some, some], window=solution.window[some, some], period=solution.period[some, some],
-        flag=np.where(unknown, FLAGS["low_texture"], 0).astype(np.uint16),
-    )  # fmt: skip
+    part = solution.sampled(some, some)
+    unknown = np.isnan(part.maps).any(axis=0)
+    return part.replace(flag=np.where(unknown, FLAGS["low_texture"], 0).astype(np.uint16))
 
 
 def _neighbour(

@@ -103,9 +103,9 @@ def covariance_of_pass(
     if weights is None or weights.weight is None or weights.raw is None:
         return covariance, statistics
     kept = _share(problem, weights.weight)
-    covariance *= weighing_noise(kept, _share(problem, weight_slope(weights.raw, weights.weight))).astype(
-        covariance.dtype
-    )
+    slope = _share(problem, weight_slope(weights.raw, weights.weight))
+    with np.errstate(invalid="ignore", divide="ignore"):  # nothing is kept of some windows
+        covariance *= weighing_noise(kept, slope).astype(covariance.dtype)
     return covariance, dataclasses.replace(
         statistics,
         partner=weights.partner,

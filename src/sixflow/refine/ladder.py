@@ -37,13 +37,14 @@ from sixflow.maps.neighbours import settle, typical
 from sixflow.plan import SEARCHED, Plan, Window
 from sixflow.prepare.frame import Frame
 from sixflow.refine.covariance import order_scale, solution_of_pass
+from sixflow.refine.cut import uniform_windows
 from sixflow.refine.least_squares import LeastSquares, LeastSquaresPass, Swept
 from sixflow.refine.mix import Mix
 from sixflow.refine.problem import State
 from sixflow.refine.resolution import choose
 from sixflow.refine.sharpen import SHARPENED, Borne, at_order, orders_of
 from sixflow.refine.solution import Solution
-from sixflow.refine.uniform import UniformWindow, uniform_windows
+from sixflow.refine.uniform import UniformWindow
 
 FIRST = 16
 """px: the finest window of the first sweeps: its nodes stand 4 px apart, and those of finer ones cost several times as
@@ -76,7 +77,7 @@ def refine_ladder(
     Solution
         Not yet judged, but for points where no window could be used.
     """
-    return _Ladder(still, moved, grid, plan, found.failed).refine(start, State(weights=found.pixels))
+    return _Ladder(still, moved, grid, plan, _unknown(found)).refine(start, State(weights=found.pixels))
 
 
 @dataclasses.dataclass
@@ -286,6 +287,11 @@ class _Ladder:
         blended = mix.blend(dict(zip(used, made, strict=True)))
         light = None if state.light is None else np.moveaxis(state.light, 0, -1)
         return blended.replace(bias=chosen.bias, light=light)
+
+
+def _unknown(found: Solution) -> NDArray[np.bool_]:
+    """Points that the search failed at, but for those at the rim, whose windows are cut as it is."""
+    return np.asarray(found.failed & ((found.flag & FLAGS["border"]) == 0))
 
 
 def _few(points: NDArray[np.bool_], most: float) -> NDArray[np.bool_]:

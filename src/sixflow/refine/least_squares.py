@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -26,18 +27,20 @@ from sixflow.engine.solve import explained_strip, normal_matrices, solve_strip, 
 from sixflow.engine.spline import gradient_noise
 from sixflow.engine.sweep import Images
 from sixflow.engine.threads import over_strips
-from sixflow.engine.weigh import find_weights
+from sixflow.engine.weigh import LEAST_GAIN, find_weights, largest_gain
 from sixflow.maps.grid import Grid
 from sixflow.maps.restriction import allowed, confined, maps_of, unknowns, with_shared_gradients
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
 from sixflow.refine.covariance import above_floor, covariance_of_pass, shrunk_noise, solution_of_pass
+from sixflow.refine.cut import uniform_windows
 from sixflow.refine.light import light_of_windows
+from sixflow.refine.likeness import coarseness, likeness, textured_area
 from sixflow.refine.moments import Moments, node_spacing
-from sixflow.refine.problem import Pass, PixelWeights, State
+from sixflow.refine.problem import FREEZE, Pass, PixelWeights, State
 from sixflow.refine.solution import Solution, WindowStatistics
 from sixflow.refine.sweep import Sweep, mean_plane
-from sixflow.refine.uniform import UniformWindow, uniform_windows
+from sixflow.refine.uniform import UniformWindow
 from sixflow.refine.windows import WindowSums, window_means, window_sums
 
 GRID_STRIP = 16
@@ -63,6 +66,12 @@ class LeastSquaresPass(Pass):
     images: Images | None
     total: bool
     plane: Array
+
+    @property
+    def alike(self) -> tuple[Array, Array]:
+        """Correlation of the windows, and cells of an even texture (`Pass.alike`)."""
+        correlation, density = likeness(self.sums)
+        return correlation, 4 * math.pi * self.sigma**2 * self.statistics.weight * density
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,7 +127,6 @@ class LeastSquares:
             degree=plan.degree,
             lowpass=plan.lowpass,
             central=self.central,
-            of_both=plan.lighting == "gain+offset",
         )
         self.floor = floor_of_windows(still, moved, grid, self.sigma)
         self.rounded = max(still.rounded, moved.rounded)
@@ -140,11 +148,12 @@ class LeastSquares:
             sums = self._sums(self.sweep.moments(maps, total=total))
             state = dataclasses.replace(state, light=light_of_windows(sums))
         images, weights = None, state.weights
-        if weights is None and not (last and self.plan.lowpass):
+        resting = weights is None or weights.resting
+        if resting and not (last and self.plan.lowpass):
             moments = self.sweep.moments(maps, total=total, light=state.light, sandwich=last, power=power)
         else:
             images = self.sweep.images(maps, total=total, light=state.light)
-            if weights is not None:
+            if weights is not None and not resting:
                 weights = self._weighed(images, weights)
             moments = self.sweep.moments_of(
                 images, None if weights is None else weights.weight, sandwich=last, power=power
@@ -159,14 +168,18 @@ class LeastSquares:
         return LeastSquaresPass(
             start=swept.maps, maps=solution, update=update, statistics=self._statistics(sums, update),
             state=State(light, swept.state.weights), sums=sums, moments=swept.moments, images=swept.images,
-            total=swept.total, plane=swept.plane,
+            total=swept.total, plane=swept.plane, sigma=self.sigma,
         )  # fmt: skip
 
     def _sums(self, moments: Moments) -> WindowSums:
         """Window sums of moments about nodes that may be closer than this window needs."""
+        return window_sums(self._merged(moments), self.grid, self.sigma)
+
+    def _merged(self, moments: Moments) -> Moments:
+        """The same moments about no more nodes than this window needs."""
         while 2 * moments.lattice.spacing <= node_spacing(self.sigma):
             moments = moments.coarser()
-        return window_sums(moments, self.grid, self.sigma)
+        return moments
 
     def uniform(self, maps: Array, state: State) -> UniformWindow:
         """Return this window where the texture is uniform (`Problem.uniform`)."""
@@ -179,6 +192,7 @@ class LeastSquares:
         """Return the field that a last pass found (`Problem.solution`)."""
         assert isinstance(found, LeastSquaresPass)
         covariance, statistics = covariance_of_pass(self, found, sharpened=borne is not None)
+        statistics = self._with_likeness(found, statistics)
         solution = solution_of_pass(self.plan, covariance, statistics, maps, left, borne)
         light = None if found.state.light is None else np.moveaxis(found.state.light, 0, -1)
         return solution.replace(light=light, pixels=found.state.weights)
@@ -200,6 +214,21 @@ class LeastSquares:
         )
         return out
 
+    def _with_likeness(self, found: LeastSquaresPass, statistics: WindowStatistics) -> WindowStatistics:
+        """The statistics with correlation and cells, the latter as the texture fills the window and is coarse."""
+        correlation, density = likeness(found.sums)
+        area = textured_area(self._merged(found.moments), found.sums, self.grid, self.sigma)
+        if not self.central:  # gradients are along the axes of the moved frame
+            u_x, u_y, v_x, v_y = found.start[2:]
+            density = density * np.abs((1 + u_x) * (1 + v_y) - u_y * v_x)
+        with np.errstate(invalid="ignore"):
+            cells = area * density / self._coarseness
+        return dataclasses.replace(statistics, correlation=correlation, cells=cells)
+
+    @cached_property
+    def _coarseness(self) -> float:
+        return coarseness(self.still, self.moved, self.sigma)
+
     def _solution(self, sums: WindowSums, swept: Swept) -> tuple[Array, Array]:
         """The solution of the normal equations, and the change of the motion that it makes."""
         maps = swept.maps
@@ -218,14 +247,20 @@ class LeastSquares:
         return solution, solution - maps
 
     def _weighed(self, images: Images, weights: PixelWeights) -> PixelWeights:
-        """Find the weights of pixels again, unless they stay."""
+        """Find the weights of pixels again, unless they stay; none, if they gain nothing the first time."""
         if not weights.changing:
             return dataclasses.replace(weights, times=weights.times + 1)
         shape, dtype = images.residual.shape, images.residual.dtype
         raw = np.empty(shape, dtype)
         weight = np.ones(shape, dtype) if weights.weight is None else weights.weight.copy()
-        find_weights(images.residual, images.gradient_x, images.gradient_y, images.still, raw, weight)
-        return PixelWeights(raw, weight, weights.times + 1, weights.partner)
+        parts = images.residual, images.gradient_x, images.gradient_y, images.still
+        # a share of the information that moves a point by less than the tolerance, were it wrong by a pixel
+        stays = self.plan.tolerance
+        changed = find_weights(*parts, raw, weight, stays)
+        if weights.weight is None and largest_gain(*parts[:3], weight) < LEAST_GAIN:
+            return PixelWeights(None, None, FREEZE, weights.partner)
+        times = FREEZE if changed <= stays else weights.times + 1
+        return PixelWeights(raw, weight, times, weights.partner)
 
     def _statistics(self, sums: WindowSums, update: Array) -> WindowStatistics:
         weight, absolute, square, mean, power = np.moveaxis(sums.statistics[..., :5], -1, 0).astype(

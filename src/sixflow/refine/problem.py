@@ -9,32 +9,46 @@ A pass takes maps and a state, and returns a new one. It changes neither, and as
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.chance import evidence_limit, normal_limit
 from sixflow.maps.grid import Grid
 from sixflow.plan import Plan
+from sixflow.refine.likeness import evidence_of
 from sixflow.refine.solution import Solution, WindowStatistics
 from sixflow.refine.uniform import UniformWindow
 
 Array = NDArray[Any]
 
-MINIMUM_TEXTURE = 1.0
-"""Power of the gradients in a window's weakest direction, over that of noise, below which there is no texture."""
 MINIMUM_WEIGHT = 0.2
 """Share of a window on pixels that have a partner, below which a point is not measured."""
 MINIMUM_KEPT = 0.1
 """The same where outlying pixels are down-weighted: fewer pixels could match by chance."""
-TRUSTED_RESIDUAL = 0.6
-"""Zero-normalised residual (correlation 0.82) of a start that finer levels build upon."""
 FREEZE = 10
 """Weighed passes after which the weights stay: pixels in doubt could change sides for ever."""
 CONTRACTION = 0.05
 """What a pass leaves of the distance to its fixed point, at least (measured: 0.01 to 0.03)."""
 WEIGHED_CONTRACTION = 0.4
 """The same where the weights of pixels change from pass to pass."""
+
+
+def least_texture(pixels: Array | float) -> Array:
+    """Power of the gradients in a window's weakest direction, over that of noise, that is texture.
+
+    Noise alone gives every direction the power γ, which scatters by √(2/n) γ for n pixels, each with a gradient of its
+    own. What is above γ has to exceed `normal_limit` times that, and √2 more, since γ is known from as many pixels.
+
+    Examples
+    --------
+    >>> least_texture(np.array([64.0, 961.0])).round(2)
+    array([0.97, 0.25])
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(normal_limit() * 2 / np.sqrt(pixels))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,6 +76,11 @@ class PixelWeights:
     def changing(self) -> bool:
         """Whether the next pass finds them again."""
         return self.times < FREEZE
+
+    @property
+    def resting(self) -> bool:
+        """Whether they were found to gain nothing: all are 1."""
+        return self.weight is None and not self.changing
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,6 +113,8 @@ class Pass:
         Of the residual that the start left.
     state : State
         For the next pass.
+    sigma : float
+        Of the window, px.
     """
 
     start: Array
@@ -101,11 +122,12 @@ class Pass:
     update: Array
     statistics: WindowStatistics
     state: State
+    sigma: float
 
     @property
     def weighed(self) -> bool:
         """Whether outlying pixels were down-weighted."""
-        return self.state.weights is not None
+        return self.state.weights is not None and not self.state.weights.resting
 
     @property
     def moved(self) -> Array:
@@ -118,13 +140,23 @@ class Pass:
         least = MINIMUM_KEPT if self.weighed else MINIMUM_WEIGHT
         with np.errstate(invalid="ignore"):
             enough = self.statistics.weight > least
-            return np.asarray(enough & (self.statistics.texture > MINIMUM_TEXTURE))
+            pixels = 4 * math.pi * self.sigma**2 * self.statistics.weight
+            return np.asarray(enough & (self.statistics.texture > least_texture(pixels)))
 
     @property
     def trusted(self) -> NDArray[np.bool_]:
-        """Where the windows look alike besides."""
-        with np.errstate(invalid="ignore"):
-            return self.measurable & (self.statistics.residual < TRUSTED_RESIDUAL)
+        """Where the windows match besides, by themselves."""
+        correlation, cells = self.alike
+        statistics = dataclasses.replace(self.statistics, correlation=correlation, cells=cells)
+        return np.asarray(self.measurable & (evidence_of(statistics) > evidence_limit()))
+
+    @property
+    def alike(self) -> tuple[Array, Array]:
+        """Correlation of the windows, and independent cells of texture in each (`sixflow.refine.likeness`)."""
+        correlation, cells = self.statistics.correlation, self.statistics.cells
+        assert correlation is not None
+        assert cells is not None
+        return correlation, cells
 
     @property
     def changing(self) -> bool:

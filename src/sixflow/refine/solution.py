@@ -53,6 +53,10 @@ class WindowStatistics:
         Share of the window's weight, and of that of a window of half the size, that outlying pixels lost.
     matched : array or None
         Share of the gradients' squares, less noise, on the pixels that were not left out.
+    correlation : array or None
+        Zero-normalised correlation of the two windows. None: not known.
+    cells : array or None
+        Independent cells of texture in the window (`sixflow.refine.likeness`). None: not known.
     """
 
     weight: Array
@@ -68,6 +72,8 @@ class WindowStatistics:
     outlying: Array | None = None
     outlying_centre: Array | None = None
     matched: Array | None = None
+    correlation: Array | None = None
+    cells: Array | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -139,6 +145,24 @@ class Solution:
     def with_flag(self, name: str, points: Array) -> Solution:
         """Return the solution with one bit set at some points."""
         return self.with_flags(np.where(points, FLAGS[name], 0)) if points.any() else self
+
+    def sampled(self, rows: slice, columns: slice) -> Solution:
+        """Return the solution at some of its rows and columns."""
+        where = rows, columns
+
+        def part(value: Any) -> Any:
+            return value[where] if isinstance(value, np.ndarray) else value
+
+        statistics = {
+            f.name: part(getattr(self.statistics, f.name)) for f in dataclasses.fields(self.statistics)
+        }
+        points = {
+            name: part(getattr(self, name))
+            for name in ("covariance", "left", "window", "period", "flag", "bias", "light", "body")
+        }
+        return self.replace(
+            maps=self.maps[:, rows, columns], statistics=WindowStatistics(**statistics), **points
+        )
 
     def merged(self, other: Solution, where: NDArray[np.bool_]) -> Solution:
         """Return this solution, and the other's points where that is said."""

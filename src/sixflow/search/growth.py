@@ -5,19 +5,12 @@ field is refined again; its own passes go on doing so, ring by ring. What is not
 there, until nothing more is found.
 
 A point is *missed* if it failed although it could be measured: it is not masked, it stays in frame 1 by what its
-neighbours predict, with half its window, and its window has texture. The texture is that of frame 0 alone, since the
-residual of a wrong match is no noise: with λ₁ ≤ λ₂ the eigenvalues of the mean of ∇I ∇Iᵀ under the window,
-
-    λ₁ > `TEXTURE` · n²/2,    λ₁ > `LEAST_RATIO` · λ₂,
-
-n the noise at the points that were measured, n²/2 what it adds to each by central differences.
+neighbours predict, with half its window, and its window has texture in frame 0 (`sixflow.judge.texture`).
 """
 
 from __future__ import annotations
 
 import dataclasses
-import functools
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -25,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.convention.flags import FLAGS
-from sixflow.engine.fir import filter_separable
-from sixflow.engine.window import CUT
+from sixflow.judge.texture import is_textured
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import fill_failed
 from sixflow.plan import Plan
@@ -34,9 +26,7 @@ from sixflow.prepare.frame import Frame
 from sixflow.refine.solution import Solution
 
 ROUNDS = 12
-GAIN = 0.02  # share of the missed points that a round has to find for another one
 LEAST_FOUND = 0.05  # share of the points: fewer may be chance, and are nothing to grow from
-TEXTURE, LEAST_RATIO = 4.0, 0.01
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,18 +43,22 @@ class Scene:
     plan : Plan
         Of the search.
     judge_in : callable
-        Refines a start (6, rows, columns) at full resolution and judges every point; of the frame 0 that is given.
+        Refines a start (6, rows, columns) at full resolution and judges every point; of the frame 0 and by the plan
+        that are given.
+    refined : bool
+        What is found is refined once more, with other windows: points of any window will do.
     """
 
     reference: Frame
     moved: Frame
     grid: Grid
     plan: Plan
-    judge_in: Callable[[NDArray[Any], Frame], Solution]
+    judge_in: Callable[[NDArray[Any], Frame, Plan], Solution]
+    refined: bool = False
 
     def judge(self, start: NDArray[Any]) -> Solution:
         """Refine a start at full resolution and judge every point."""
-        return self.judge_in(start, self.reference)
+        return self.judge_in(start, self.reference, self.plan)
 
     def missed(self, found: Solution) -> NDArray[np.bool_]:
         """Points that could be measured and failed; shape (rows, columns)."""
@@ -84,32 +78,8 @@ class Scene:
 
     def _textured(self, found: Solution) -> NDArray[np.bool_]:
         """Where frame 0 has texture in every direction; shape (rows, columns)."""
-        weakest, strongest = self._gradient_power
-        measured = found.statistics.noise[~found.failed]
-        noise = float(np.median(measured)) if measured.size else 0.0
-        textured: NDArray[np.bool_] = weakest > np.maximum(TEXTURE * noise**2 / 2, LEAST_RATIO * strongest)
-        return textured
-
-    @functools.cached_property
-    def _gradient_power(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """λ₁ and λ₂ of every window, from every second pixel; each (rows, columns)."""
-        image = self.reference.image
-        x, y = (
-            (image[1:-1:2, 2::2] - image[1:-1:2, :-2:2]) / 2,
-            (image[2::2, 1:-1:2] - image[:-2:2, 1:-1:2]) / 2,
-        )
-        height, width = min(len(x), len(y)), min(x.shape[1], y.shape[1])
-        x, y = x[:height, :width], y[:height, :width]
-        sigma = self.plan.window.sigma / 2
-        half = np.exp(-((np.arange(math.ceil(CUT * sigma) + 1) / sigma) ** 2) / 2)
-        half /= half[0] + 2 * half[1:].sum()
-        at = np.ix_(np.clip(self.grid.y // 2, 0, height - 1), np.clip(self.grid.x // 2, 0, width - 1))
-        a, b, c = (
-            filter_separable(np.ascontiguousarray(product), half)[at].astype(np.float64)
-            for product in (x * x, x * y, y * y)
-        )
-        middle, radius = (a + c) / 2, np.hypot((a - c) / 2, b)
-        return middle - radius, middle + radius
+        noise = found.statistics.noise[~found.failed]
+        return is_textured(self.reference, self.grid, self.plan.window.size, noise)
 
 
 def extrapolated(found: Solution, grid: Grid) -> NDArray[Any]:
@@ -122,7 +92,7 @@ def grown(found: Solution, scene: Scene) -> Solution:
     if found.failed.mean() > 1 - LEAST_FOUND:
         return found
     missed = int(scene.missed(found).sum())
-    for _ in range(ROUNDS):
+    for left_over in range(ROUNDS - 1, -1, -1):
         if not missed:
             break
         again = scene.judge(extrapolated(found, scene.grid))
@@ -130,6 +100,6 @@ def grown(found: Solution, scene: Scene) -> Solution:
         if left >= missed:
             break
         gained, missed, found = missed - left, left, again
-        if gained < GAIN * (missed + gained):
+        if gained * left_over < missed:  # at this rate the rounds that are left would not find the rest
             break
     return found

@@ -11,6 +11,7 @@
 |---|---|
 | more than `MISSED` | growth |
 | more than `LOST` | one affine map of the whole frames, coarse to fine from it, and growth |
+| still more than `LOST` | coarse to fine with windows of half the size, growth, and then the window asked for |
 | still more than `LOST` | for a few regions, the largest first: one affine map, and growth, each region by itself |
 
 Of two fields, that with fewer missed points is kept. In the end points in doubt are tried again (`doubt`), but for
@@ -27,10 +28,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.maps.grid import Grid
+from sixflow.plan import Window
 from sixflow.prepare.frame import Frame
 from sixflow.refine.solution import Solution
 from sixflow.search.doubt import reconsidered
-from sixflow.search.growth import Scene, grown
+from sixflow.search.growth import Scene, extrapolated, grown
 from sixflow.search.plane import Plane, find_plane
 from sixflow.search.pyramid import pyramid
 
@@ -102,9 +104,23 @@ class _Search:
             plane = find_plane(self.scene.reference, self.scene.moved, self.scene.plan.window.size)
             if plane is not None:
                 found = self.better(found, grown(self.from_plane(plane.six), self.scene))
+            if self.share(found) > LOST:
+                found = self.by_smaller_windows(found)
             if plane is not None or self.share(found) <= MOSTLY_LOST:  # else the region is the frame
                 found = self.by_regions(found)
         return found
+
+    def by_smaller_windows(self, found: Solution) -> Solution:
+        """What windows of half the size see: they match where the motion turns or stretches much over a whole one."""
+        plan = self.scene.plan
+        smaller = plan.replace(window=Window(plan.window.size / 2))
+        scene = dataclasses.replace(self.scene, plan=smaller)
+        start = pyramid(scene.reference, scene.moved, scene.grid, smaller)
+        finer = grown(scene.judge(start), scene)
+        if finer.failed.sum() >= found.failed.sum():
+            return found
+        again = self.better(found, self.scene.judge(extrapolated(finer, scene.grid)))
+        return again.merged(finer, again.failed & ~finer.failed) if self.scene.refined else again
 
     def by_regions(self, found: Solution) -> Solution:
         """What regions of missed points have in common, the largest first."""

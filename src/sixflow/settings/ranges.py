@@ -59,7 +59,7 @@ def check_ranges(settings: Settings) -> None:
         ),
         *(
             (name, isinstance(getattr(s, name), bool), "must be True or False")
-            for name in ("float64", "robust", "forward_backward", "replace_failed")
+            for name in ("float64", "robust", "fixed_pattern", "forward_backward", "replace_failed")
         ),
         *(
             (

@@ -58,11 +58,16 @@ class Settings:
     lighting : {"auto", "none", "gain+offset", "local"}
         What may change in the light between the frames: nothing; gain and offset of each window (the
         zero-normalised criterion); or the local mean and contrast, divided out of each frame beforehand.
-        "auto" takes gain and offset where the frames differ in contrast or brightness, else nothing.
+        "auto" takes gain and offset where matched parts of the frames differ in contrast or brightness by
+        more than chance, anywhere, else nothing.
     robust : bool
         Give little weight to pixels whose residual is far beyond what noise explains: unmatched particles,
         glints, dead pixels. It changes nothing where there are none. Of `method="eigenfilter"`, it
         replaces dead pixels alone.
+    fixed_pattern : bool
+        Of a recording: estimate what all of its frames have in common at the same pixels, columns and rows (noise of
+        the sensor that stands still), and take it out first. The frames are read twice, and have to move by more than
+        their texture is long.
     forward_backward : bool
         Measure from frame 1 to frame 0 too, and flag points that do not return: twice the time.
     replace_failed : bool
@@ -126,6 +131,7 @@ class Settings:
     lowpass: float = 0.0
     lighting: Lighting = "auto"
     robust: bool = True
+    fixed_pattern: bool = False
     forward_backward: bool = False
     replace_failed: bool = False
     search: Search | Numbers = "auto"

@@ -38,6 +38,7 @@ class SettingsOptions(TypedDict, total=False):
     lowpass: float
     lighting: Lighting
     robust: bool
+    fixed_pattern: bool
     forward_backward: bool
     replace_failed: bool
     search: Search | Guess
