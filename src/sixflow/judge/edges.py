@@ -241,7 +241,9 @@ class _Pixels:
             m_small = self._mean(counted, small)[0]
             side = max(2 * BLOCK, round(BLOCK * size * 2 / window_sigma(1.0) / self.grid.step))
             low, scatter = percentiles(m, m_small, max(1, round(4 * small / self.grid.step)), side)
-            middle = low + scatter * small / size
+            # not less than noise makes: ½ ± √(½/N) of m
+            scatter = np.maximum(scatter, 1 / (2 * math.sqrt(4 * math.pi) * small))
+            middle = np.maximum(low + scatter * small / size, math.sqrt(1 / 2))
             dispersion = 8 * math.pi * small**2 * (2 * middle * scatter) ** 2
             with np.errstate(divide="ignore"):
                 deviation = scatter * small / size / np.sqrt(share)

@@ -9,7 +9,7 @@ discs that do not overlap,
 
 16 % of normal deviates lie more than one standard deviation below their mean. So up to 84 % of the points of a block
 may lie beside edges, which raise √m by many s₂: the lower end tells what is usual all the same. φ, the dispersion, is
-the variance of m over that of noise, ½ for each of N₁ pixels.
+the variance of m over that of noise, ½ for each of N₁ pixels. Neither m nor its scatter is less than noise makes them.
 """
 
 from __future__ import annotations
