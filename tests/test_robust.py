@@ -9,9 +9,11 @@ from sixflow import InputError, Settings
 from sixflow.engine.scales import FEW, NEGLIGIBLE, NORMAL, NORMAL_QUARTILE, OF_CONTRAST, REACH, TILE
 from sixflow.engine.weigh import (
     FULL,
+    LEAST_GAIN,
     NONE,
     by_chance,
     find_weights,
+    largest_gain,
     weighing_noise,
     weight_slope,
 )
@@ -212,6 +214,46 @@ def test_lost_particles_are_outlying_where_the_others_stay():
     share = loss / 4 / (loss / 4 + 1 - loss)
     assert information_kept(*faded(loss, 0.0)) < 1 - share
     assert information_kept(*faded(loss, 0.6)) > 0.95
+
+
+def gain_of_weights(residual, gx, gy, still):
+    raw, weight = np.ones((2, *residual.shape), np.float32)
+    find_weights(residual, gx, gy, still, raw, weight)
+    return largest_gain(residual, gx, gy, weight)
+
+
+def test_weights_are_used_where_they_gain():
+    """Without a speck of 5 × 5 px, or lost particles beside others that stay, the variance is less than half."""
+    residual, gx, gy, still = faded(0.0, 0.0)
+    speck = residual.copy()
+    speck[100:105, 100:105] += 60
+    assert gain_of_weights(residual, gx, gy, still) < 1.05
+    assert gain_of_weights(speck, gx, gy, still) > 1.2 * LEAST_GAIN
+    assert gain_of_weights(*faded(0.25, 0.0)) > 1.2 * LEAST_GAIN
+    assert gain_of_weights(*faded(0.3, 0.5)) < LEAST_GAIN / 1.2
+
+
+def test_gain_is_that_of_the_formula():
+    residual, gx, gy, _ = (part.astype(float) for part in images((128, 64)))
+    weight = np.random.default_rng(2).random(residual.shape)
+    weight[3, 4] = NEGLIGIBLE / 2
+    used, power, gains = np.where(weight < NEGLIGIBLE, 0, weight), gx**2 + gy**2, []
+    for part in (np.s_[:64], np.s_[64:]):
+        known = np.isfinite(residual[part])
+        r2, w, g2 = residual[part][known] ** 2, used[part][known], power[part][known]
+        gains.append((r2 * g2).sum() / g2.sum() ** 2 / ((w**2 * r2 * g2).sum() / (w * g2).sum() ** 2))
+    assert largest_gain(residual, gx, gy, weight) == pytest.approx(max(gains), rel=1e-6)
+
+
+def test_particles_of_a_pixel_are_measured_as_without_weights():
+    pattern = Particles(diameter=1.0, density=0.03, rigid=True, seed=5)
+    motion = measured.affine((3, 0, 0.02, 0, 0.02, 0), SHAPE)
+    made = pair(pattern, motion, SHAPE, sensor=Sensor(noise=2, bits=8), pixel_integration=4)
+    robust, plain = (measure(made.frame0, made.frame1, robust=on) for on in (True, False))
+    known = ~measured.failed(robust) & ~measured.failed(plain)
+    assert known.mean() > 0.95
+    rms = [measured.rms(measured.errors(field, made)[known])[0] for field in (robust, plain)]
+    assert rms[0] < 1.1 * rms[1]
 
 
 def test_covariance_of_the_weighted_mean():

@@ -1,4 +1,18 @@
-"""Evidence: kernels that try the motions of a point and of its neighbours on the pixels beside the point."""
+"""Evidence: kernels that ask the pixels beside a point which motion they follow.
+
+A pixel with the residual r, whose variance noise and the fit let expect to be s², costs a motion
+
+    c = min(r²/2s², C)
+
+nats: the logarithm of its likelihood, but a pixel that follows neither of two motions decides nothing between them, and
+none says more alone than C, the evidence that the rate of false alarms asks for (`sixflow.chance`).
+
+    s² = 2 noise² + e² |g|²
+
+e is the displacement that no fit resolves, px. Residuals are scaled as in `sweep`: noise makes r² = 2 noise². What a
+window is known to leave out, b px, costs min(b² |g|²/2s², C), which needs no other motion to be explained. How well a
+pixel can tell two motions apart, t = min((r − r′)²/2s², C), is how far what they show of the moved frame differs.
+"""
 
 from __future__ import annotations
 
@@ -9,23 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.engine.compiler import kernel
-from sixflow.engine.contradiction import ERRORS
 from sixflow.engine.interpolate import Interpolant, scratch_rows, warp_row
-
-EVIDENCE = 3.5
-"""Standard deviations of L."""
-EXPLAINED = 3.0
-"""Standard deviations by which R_n may exceed ν²."""
-REJECTED = -8.0
-"""L of a motion that is asked no further."""
-LEFT_TO_STAND = 0.3
-"""px: what is finer than the window, and less than that, is left to stand."""
-GAP = 1 / 31
-"""Windows: pixels nearer to the point belong to the edge of either side."""
-MOST_OUTLYING = 100.0
-"""Mean squares of noise beyond which a pixel's residual tells nothing more."""
-REACH = 2.5
-"""Standard deviations of the larger disc."""
 
 
 class Compared(NamedTuple):
@@ -47,230 +45,201 @@ class Compared(NamedTuple):
     share: float
 
 
-class Points(NamedTuple):
-    """What is known at the points of a grid; arrays of shape (rows, columns), if nothing else is said.
+class Cost(NamedTuple):
+    """What the pixels cost the motion as it is known; arrays of shape (height, width).
 
     Attributes
     ----------
+    cost : array
+        c; 0 where a pixel has no partner.
+    power : array
+        s²; 0 where a pixel has no partner.
+    explained : array
+        What the cost holds of what windows leave out.
+    residual : array
+        r; NaN where a pixel has no partner.
+    most : float
+        C.
+    """
+
+    cost: NDArray[Any]
+    power: NDArray[Any]
+    explained: NDArray[Any]
+    residual: NDArray[Any]
+    most: float
+
+
+@kernel
+def _nearest(place: int, first: int, step: int, count: int) -> int:
+    """Grid row or column that a pixel row or column is nearest to."""
+    return min(max((place - first + step // 2) // step, 0), count - 1)
+
+
+@kernel
+def cost_strip(
+    gradient_x: NDArray[Any], gradient_y: NDArray[Any], noise: NDArray[Any], bias: NDArray[Any], least: float,
+    grid: tuple[int, int, int], start: int, stop: int, made: Cost,
+) -> None:  # fmt: skip
+    """Cost of the rows start … stop.
+
+    Parameters
+    ----------
+    gradient_x, gradient_y : arrays, shape (height, width)
+    noise, bias : arrays, shape (rows, columns)
+        2 noise² and b² about the points of a grid.
+    least : float
+        e².
+    grid : (int, int, int)
+        x0, y0, step.
+    made : Cost
+        Cost, power and what is explained are written.
+    """
+    residual = made.residual
+    (x0, y0, step), (rows, columns) = grid, noise.shape
+    for y in range(start, stop):
+        j = _nearest(y, y0, step, rows)
+        for x in range(residual.shape[1]):
+            r = residual[y, x]
+            if r != r:
+                made.cost[y, x], made.power[y, x], made.explained[y, x] = 0, 0, 0
+                continue
+            i = _nearest(x, x0, step, columns)
+            square = gradient_x[y, x] * gradient_x[y, x] + gradient_y[y, x] * gradient_y[y, x]
+            power = noise[j, i] + least * square
+            made.power[y, x] = power
+            made.cost[y, x] = min(r * r / (2 * power), made.most) if power > 0 else 0
+            made.explained[y, x] = min(bias[j, i] * square / (2 * power), made.most) if power > 0 else 0
+
+
+@kernel
+def differing_strip(
+    maps: NDArray[Any], variances: NDArray[Any], asked: NDArray[Any], judged: NDArray[Any],
+    reach: NDArray[Any], step: int, limit: float, start: int, stop: int, found: NDArray[Any],
+) -> None:  # fmt: skip
+    """Which neighbours predict another motion for the points of grid rows start … stop.
+
+    Parameters
+    ----------
     maps, variances : arrays, shape (6, rows, columns)
-    bend : array
-        By how much curvature makes neighbours mispredict a point, px.
-    noise, floor : array
-        Standard deviation of one frame's noise; least mean square residual.
-    light : array, shape (rows, columns, 2), or (0, 0, 2) for none
-        Gain and offset.
-    asked, suspects : bool array
-        Points whose motion is tried on others, and points that are tried.
+    asked, judged : bool arrays of the same shape
+        Whose motion is told, and to whom.
     reach : int array, shape (rings, rows, columns)
         Distance of the neighbours, grid points.
-    window : array
-        px.
-    grid : (x0, y0, step)
+    limit : float
+        Standard errors.
+    found : bool array, shape (8 · rings, rows, columns)
+        Receives who differs, by ring and direction (`DIRECTIONS`).
     """
-
-    maps: NDArray[Any]
-    variances: NDArray[Any]
-    bend: NDArray[Any]
-    noise: NDArray[Any]
-    floor: NDArray[Any]
-    light: NDArray[Any]
-    asked: NDArray[Any]
-    suspects: NDArray[Any]
-    reach: NDArray[Any]
-    window: NDArray[Any]
-    grid: tuple[int, int, int]
-
-
-class _Spot(NamedTuple):
-    """A point that is tried: pixel and map, gain and offset, σ, gap, noise power and floor of its window; the residuals
-    of its own map, row by row as they are wanted, and work space.
-    """
-
-    x: int
-    y: int
-    map: NDArray[Any]
-    light: tuple[float, float]
-    sigma: float
-    gap: float
-    power: float
-    floor: float
-    own: NDArray[Any]
-    known: NDArray[Any]
-    other: NDArray[Any]
-    scratch: NDArray[Any]
-
-
-@kernel
-def _differs(points: Points, at: tuple[int, int], offset: tuple[int, int], predicted: NDArray[Any]) -> bool:
-    """Whether the neighbour at an offset predicts another motion for a point; its map there into `predicted`."""
-    maps, variances, (j, i), (dj, di) = points.maps, points.variances, at, offset
-    y, x, hy, hx, found = j + dj, i + di, dj * points.grid[2], di * points.grid[2], False
-    for c in range(2):
-        gx, gy = 2 + 2 * c, 3 + 2 * c
-        predicted[c] = maps[c, y, x] - hx * maps[gx, y, x] - hy * maps[gy, y, x]
-        predicted[gx], predicted[gy] = maps[gx, y, x], maps[gy, y, x]
-        beyond = abs(predicted[c] - maps[c, j, i]) - LEFT_TO_STAND - points.bend[j, i]
-        if beyond > 0:
-            variance = variances[c, j, i] + variances[c, y, x]
-            variance += hx * hx * variances[gx, y, x] + hy * hy * variances[gy, y, x]
-            found = found or beyond > ERRORS * math.sqrt(variance)
-    return found
-
-
-@kernel
-def suspects_strip(
-    maps: NDArray[Any], asked: NDArray[Any], judged: NDArray[Any], reach: NDArray[Any], step: int,
-    start: int, stop: int, found: NDArray[Any],
-) -> None:  # fmt: skip
-    """Points about which any neighbour says something else, were there no noise and no curvature."""
     rows, columns = judged.shape
-    u, u_x, u_y, v, v_x, v_y = maps[0], maps[2], maps[3], maps[1], maps[4], maps[5]
     for j in range(start, stop):
         for i in range(columns):
             if not judged[j, i]:
                 continue
             for ring in range(reach.shape[0]):
-                r = reach[ring, j, i]
-                for dj in range(-r, r + 1, r):
-                    for di in range(-r, r + 1, r):
-                        y, x = j + dj, i + di
-                        if y < 0 or x < 0 or y >= rows or x >= columns or not asked[y, x]:
-                            continue
-                        hx, hy = di * step, dj * step
-                        apart_u = u[y, x] - hx * u_x[y, x] - hy * u_y[y, x] - u[j, i]
-                        apart_v = v[y, x] - hx * v_x[y, x] - hy * v_y[y, x] - v[j, i]
-                        if abs(apart_u) > LEFT_TO_STAND or abs(apart_v) > LEFT_TO_STAND:
-                            found[j, i] = True
+                for n in range(8):
+                    hi, hj = DIRECTIONS[n][0] * reach[ring, j, i], DIRECTIONS[n][1] * reach[ring, j, i]
+                    y, x = j + hj, i + hi
+                    if y < 0 or x < 0 or y >= rows or x >= columns or not asked[y, x]:
+                        continue
+                    hx, hy = hi * step, hj * step
+                    for c in range(2):
+                        gx, gy = 2 + 2 * c, 3 + 2 * c
+                        told = maps[c, y, x] - hx * maps[gx, y, x] - hy * maps[gy, y, x]
+                        beyond = told - maps[c, j, i]
+                        if beyond * beyond > limit * limit * variances[c, j, i]:
+                            variance = variances[c, j, i] + variances[c, y, x]
+                            variance += hx * hx * variances[gx, y, x] + hy * hy * variances[gy, y, x]
+                            if beyond * beyond > limit * limit * variance:
+                                found[8 * ring + n, j, i] = True
+
+
+DIRECTIONS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
+"""(column, row) of the eight neighbours."""
 
 
 @kernel
-def _compare_row(frames: Compared, spot: _Spot, motion: NDArray[Any], below: int, out: NDArray[Any]) -> None:
-    """Residuals of a motion in the row `below` a point, at as many pixels on both sides; NaN where there is none."""
-    share, side, still, scratch = frames.share, out.size, frames.still, spot.scratch
-    half, row = side // 2, spot.y + below
-    u, v, before, taps = scratch[0], scratch[1], scratch[2], scratch[3:]
-    nothing, valid = np.empty(0), frames.before.valid
+def _compare(
+    frames: Compared, motion: NDArray[Any], light: tuple[float, float], place: tuple[int, int, int],
+    scratch: NDArray[Any], out: NDArray[Any],
+) -> None:  # fmt: skip
+    """Residuals of one map about a point, in the pixels of a row from (column, row); the third of `place` is the
+    point's distance to the left of the first one, and `motion` is that at the row.
+    """
+    share, still, count = frames.share, frames.still, out.size
+    first, row, ahead = place
+    u, v, before, noise, noise_before, taps = (
+        scratch[0], scratch[1], scratch[2], scratch[3], scratch[4], scratch[5:],
+    )  # fmt: skip
+    valid = frames.before.valid
     for part in range(2):  # frame 1, then frame 0
         way = 1 - share if part == 0 else -share
-        for a in range(side):
-            u[a] = motion[0] + motion[2] * (a - half) + motion[3] * below
-            u[a] = spot.x - half + way * u[a]  # the row's pixels count from 0
-            v[a] = way * (motion[1] + motion[4] * (a - half) + motion[5] * below)
+        for a in range(count):
+            u[a] = first + way * (motion[0] + motion[2] * (a + ahead))  # the row's pixels count from 0
+            v[a] = way * (motion[1] + motion[4] * (a + ahead))
         if part == 0:
-            warp_row(frames.after, u, v, row, taps, out, nothing)
+            warp_row(frames.after, u, v, row, taps, out, noise)
         elif share > 0:
-            warp_row(frames.before, u, v, row, taps, before, nothing)
-    for a in range(side):
-        column = spot.x + a - half
+            warp_row(frames.before, u, v, row, taps, before, noise_before)
+    for a in range(count):
         if share == 0:
-            inside = 0 <= row < still.shape[0] and 0 <= column < still.shape[1]
-            if not inside or (valid.size and valid[row, column] == 0):
+            before[a], noise_before[a] = still[row, first + a], 1
+            if valid.size and valid[row, first + a] == 0:
                 before[a] = np.nan
-            else:
-                before[a] = still[row, column]
-        out[a] = (out[a] - spot.light[1]) / spot.light[0] - before[a]
+        r = (out[a] - light[1]) / light[0] - before[a]
+        out[a] = r * math.sqrt(2 / (noise[a] / (light[0] * light[0]) + noise_before[a]))
 
 
 @kernel
-def _evidence(frames: Compared, spot: _Spot, predicted: NDArray[Any], ahead: tuple[float, float]) -> float:
-    """The larger L of both discs, in standard deviations, or −inf as soon as the predicted motion is out.
+def gain_strip(
+    frames: Compared, own: Cost, maps: NDArray[Any], wanted: NDArray[Any], light: NDArray[Any],
+    grid: tuple[int, int, int], taps: int, start: int, stop: int, saved: NDArray[Any], told: NDArray[Any],
+) -> None:  # fmt: skip
+    """What other motions save the pixels, and t; grid rows start … stop.
 
-    The pixels that are asked lie in the direction `ahead` (x, y) of the point.
-    """
-    own, known, other, gap, power = spot.own, spot.known, spot.other, spot.gap, spot.power
-    side = own.shape[0]
-    half = side // 2
-    sums, ratio, excess = np.zeros((2, 4)), np.zeros(2), np.zeros(2)
-    for n in range(side):
-        below = (n + 1) // 2 if n % 2 else -(n // 2)
-        if below * ahead[1] + half * abs(ahead[0]) <= gap:
-            continue
-        b = below + half
-        if not known[b]:
-            _compare_row(frames, spot, spot.map, below, own[b])
-            known[b] = True
-        _compare_row(frames, spot, predicted, below, other)
-        for a in range(side):
-            along = (a - half) * ahead[0] + below * ahead[1]
-            if along <= gap or not (own[b, a] == own[b, a] and other[a] == other[a]):
-                continue
-            near = min((along - gap) / (2 * gap), 1.0)
-            large = math.exp(-2 * ((a - half) ** 2 + below**2) / (spot.sigma * spot.sigma))
-            for size in range(2):
-                w = near * (large if size == 0 else large**4)
-                sums[size, 0] += w
-                sums[size, 1] += w * w
-                sums[size, 2] += w * min(own[b, a] ** 2, MOST_OUTLYING * power)
-                sums[size, 3] += w * min(other[a] ** 2, MOST_OUTLYING * power)
-        for size in range(2):
-            total, squares, left, instead = sums[size]
-            if total > 0:
-                least = max(min(left, instead), spot.floor * total)
-                count = total * total / squares
-                ratio[size] = count / 2 * (left - instead) / least
-                explained = instead < total * power * (1 + EXPLAINED * math.sqrt(2 / count))
-                excess[size] = ratio[size] / (math.sqrt(3 * count) / 2) if explained else -np.inf
-        if ratio[0] < REJECTED and ratio[1] < 0:
-            return -np.inf
-    return max(excess[0], excess[1])
-
-
-@kernel
-def _spot(points: Points, j: int, i: int, taps: int) -> _Spot:
-    """A point of the grid, with work space for splines of so many taps."""
-    window, (x0, y0, step) = points.window[j, i], points.grid
-    sigma = window / math.sqrt(4 * math.pi)
-    side = 2 * math.ceil(REACH * sigma / 2) + 1
-    tone = (1.0, 0.0)
-    if points.light.size:
-        tone = (float(points.light[j, i, 0]), float(points.light[j, i, 1]))
-    own_map = np.empty(6)
-    for k in range(6):
-        own_map[k] = points.maps[k, j, i]
-    return _Spot(
-        x0 + i * step, y0 + j * step, own_map, tone, sigma, GAP * window, 2 * points.noise[j, i] ** 2,
-        points.floor[j, i], np.empty((side, side)), np.zeros(side, np.bool_), np.empty(side),
-        np.empty((3 + scratch_rows(taps), side)),
-    )  # fmt: skip
-
-
-@kernel
-def refuted_strip(
-    frames: Compared, points: Points, taps: int, start: int, stop: int, found: NDArray[Any]
-) -> None:
-    """Try the neighbours' maps on the pixels of both frames, grid rows start … stop.
+    Saved is c of the known motion, less what of it is explained, less c of the other.
 
     Parameters
     ----------
     frames : Compared
-    points : Points
+    own : Cost
+    maps : array, shape (6, rows, columns)
+        The other motion about every point.
+    wanted : bool array, shape (rows, columns)
+        Points whose cells, the pixels nearest to them, are compared.
+    light : array, shape (rows, columns, 2), or of size 0
+        Gain and offset.
+    grid : (int, int, int)
     taps : int
         Of the splines, along one axis.
-    found : bool array, shape (rows, columns)
-        Receives who is refuted.
+    saved, told : arrays, shape (height, width)
+        Receive both in the cells that are wanted, but where a pixel has no partner.
     """
-    rows, columns = points.suspects.shape
-    predicted = np.empty(6)
+    (x0, y0, step), columns = grid, wanted.shape[1]
+    height, width = own.cost.shape
+    scratch, motion = np.empty((5 + scratch_rows(taps), step)), np.empty(6)
+    line = np.empty(step)
     for j in range(start, stop):
         for i in range(columns):
-            if not points.suspects[j, i]:
+            if not wanted[j, i]:
                 continue
-            spot = _spot(points, j, i, taps)
-            for ring in range(points.reach.shape[0]):
-                r = points.reach[ring, j, i]
-                for dj in range(-r, r + 1, r):
-                    for di in range(-r, r + 1, r):
-                        y, x = j + dj, i + di
-                        if (
-                            found[j, i]
-                            or y < 0
-                            or x < 0
-                            or y >= rows
-                            or x >= columns
-                            or not points.asked[y, x]
-                        ):
-                            continue
-                        if _differs(points, (j, i), (dj, di), predicted):
-                            length = math.hypot(di, dj)
-                            ahead = di / length, dj / length
-                            found[j, i] = _evidence(frames, spot, predicted, ahead) > EVIDENCE
+            left, right = max(x0 + i * step - step // 2, 0), min(x0 + i * step - step // 2 + step, width)
+            top, bottom = max(y0 + j * step - step // 2, 0), min(y0 + j * step - step // 2 + step, height)
+            count = right - left
+            tone = (1.0, 0.0)
+            if light.size:
+                tone = (float(light[j, i, 0]), float(light[j, i, 1]))
+            for y in range(top, bottom):
+                below = y - (y0 + j * step)
+                for c in range(2):
+                    motion[c] = maps[c, j, i] + maps[3 + 2 * c, j, i] * below
+                    motion[2 + 2 * c] = maps[2 + 2 * c, j, i]
+                _compare(
+                    frames, motion, tone, (left, y, left - (x0 + i * step)), scratch[:, :count], line[:count]
+                )
+                for a in range(count):
+                    power, r = own.power[y, left + a], line[a]
+                    if power > 0 and r == r:
+                        own_cost = own.cost[y, left + a] - own.explained[y, left + a]
+                        saved[y, left + a] = own_cost - min(r * r / (2 * power), own.most)
+                        apart = r - own.residual[y, left + a]
+                        told[y, left + a] = min(apart * apart / (2 * power), own.most)

@@ -23,6 +23,11 @@ The estimate is an M-estimate with ψ = ω r. Its covariance is the sandwich wit
 and where ω falls ψ' is below ω by (2 t²)/(5² − 3.5²): pixels that are neither in nor out add noise. `weighing_noise`
 is the factor (mean ω / mean ψ')², which is 1 without outlying pixels.
 
+What is left out lowers the residual in any case. If the information that it takes along is worth more, plain least
+squares is the better estimate: `largest_gain` is what weights make of the variance, Σ r²g²/(Σ g²)² over
+Σ ω²r²g²/(Σ ω g²)², in blocks of 64 × 64 px. A speck of dust in one of them makes more than `LEAST_GAIN`. Particles of a
+pixel, which interpolation does not get right, or 40 % of lost ones beside others that flicker, do not, in any block.
+
 Frames without anything in common keep pixels too: those that are alike by chance. Of two independent Gaussian patterns
 of contrast C a pixel is kept with the probability P(|r| < 3.5 s) = erf(3.5 s/2C), r having the variance 2C², and only
 where its neighbours are, which count as three independent ones at least. A window tells nothing where no more of its
@@ -52,7 +57,9 @@ Gaussian noise.
 ALIKE = 3
 """Independent pixels among a pixel and its eight neighbours, at least."""
 BLOCK = 64
-"""px: side of the blocks in which changes of weights are judged."""
+"""px: side of the blocks in which weights are judged."""
+LEAST_GAIN = 2.0
+"""Of the variance, in any block: what twice as many pixels would gain. Below, plain least squares stands."""
 TYPICAL = 0.98
 """Of the blocks have to stay: pixels in doubt change sides for ever in a few of them."""
 _ROUNDS = 2
@@ -147,6 +154,45 @@ def _typical_change(
         lambda a, b: changes_strip(before, weight, gradient_x, gradient_y, a, b, sums), sums.shape[1], 1
     )
     return float(np.quantile(sums[0] / np.maximum(sums[1], np.finfo(np.float64).tiny), TYPICAL))
+
+
+@kernel
+def gains_strip(
+    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], weight: NDArray[Any],
+    start: int, stop: int, gains: NDArray[Any],
+) -> None:  # fmt: skip
+    """Factor by which weights lower the variance, of the blocks of rows start … stop; the last take what is left."""
+    height, width = residual.shape
+    rows, columns = gains.shape
+    for j in range(start, stop):
+        bottom = height if j == rows - 1 else (j + 1) * BLOCK
+        for i in range(columns):
+            right = width if i == columns - 1 else (i + 1) * BLOCK
+            noise, power, noise_left, power_left = 0.0, 0.0, 0.0, 0.0
+            for y in range(j * BLOCK, bottom):
+                for x in range(i * BLOCK, right):
+                    r = residual[y, x]
+                    if r == r:
+                        square = gradient_x[y, x] ** 2 + gradient_y[y, x] ** 2
+                        w = weight[y, x] if weight[y, x] >= NEGLIGIBLE else 0.0
+                        noise += r * r * square
+                        power += square
+                        noise_left += w * w * r * r * square
+                        power_left += w * square
+            known = noise_left > 0 and power > 0
+            gains[j, i] = noise / noise_left * (power_left / power) ** 2 if known else 1.0
+
+
+def largest_gain(
+    residual: NDArray[Any], gradient_x: NDArray[Any], gradient_y: NDArray[Any], weight: NDArray[Any]
+) -> float:
+    """Factor by which weights lower the variance Σ ω²r²g²/(Σ ω g²)², of the block that gains most."""
+    height, width = residual.shape
+    gains = np.empty((max(1, height // BLOCK), max(1, width // BLOCK)))
+    over_strips(
+        lambda a, b: gains_strip(residual, gradient_x, gradient_y, weight, a, b, gains), len(gains), 1
+    )
+    return float(gains.max())
 
 
 def weight_slope(raw: NDArray[Any], weight: NDArray[Any]) -> NDArray[Any]:

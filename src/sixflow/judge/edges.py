@@ -1,83 +1,79 @@
-"""Refute: does a motion from beyond the window fit the pixels beside a point better than the point's own?
+"""Edges: do the pixels about a point follow its motion, or that of a neighbour, or neither?
 
-Beside a motion edge a window follows the side with the stronger texture, or the edge's own contrast, also where its
-point lies on the other side. The map is then smooth, its residual small, and no neighbour contradicts it: only the
-pixels between the point and the other side do, which are few and faint. Here they are asked alone.
+Where two motions share a window it follows one of them, the one with the stronger texture, or lies between both. Its
+map is smooth, its residual small, and no neighbour contradicts it. What tells are the pixels about the point itself.
+They are asked in discs with weights w = exp(−|x − p|²/2s²), of s = σ/2 and σ/4, at least `LEAST_DISC`, for σ the
+standard deviation of the point's window. A pixel costs a motion c(r) = min(r²/2s², C) nats (`engine.evidence`).
 
-A neighbour n in one of eight directions e, one window or one and a half away, predicts the motion about the point p,
-M_n(x) = d_n + G_n (x − n). Its window sees other pixels than that of p. Where it says something else than M_p, both are
-tried on the pixels on its side of p, with weights w = exp(−|x − p|²/2s²) · [((x − p)·e − a)/2a] cut to 0 … 1:
+*Refuted.* A neighbour one window away in any of eight directions predicts M_n for the point, with a gradient as far as
+noise lets it be told. Where that differs from the point's own motion by more than both errors allow, its motion saves
 
-    R_k = Σ w min(r_k², 100 ν²)/Σ w,    r_k = I₁(x + M_k) − I₀(x),    ν² = 2 noise²
+    L = N ⟨c(r_p) − c(r_n)⟩,     ⟨ ⟩ = Σ w …/Σ w,     N = (Σ w)²/Σ w² = 4πs²
 
-    L = N/2 · (R_p − R_n)/max(min(R_p, R_n), ν₀²),     N = (Σ w)²/Σ w²
+nats. With T = N ⟨(r_p − r_n)²/2s²⟩, which the two tell apart, and N (1 − R)/2 of it noise of the moved frame, whose
+correlation between the two places is R, a point that is right has L = −T + N (1 − R)/2 in the mean, and a variance of
+2T. So it is refuted where L > 0 and
 
-L is the logarithm of the likelihood ratio of n's motion to p's, with what the better of both leaves for noise: the
-residual of the whole window, with the edge in it, would hide what the few pixels say. ν₀ is what rounding and
-interpolation leave. Where there is noise alone, r_p and r_n share that of frame 0, so that r_p² − r_n² has a variance
-of 3 ν⁴, and L one of 3 N/4. The point is refuted where L exceeds 3.5 of its standard deviations, L > 3.5 √(3N)/2, with
-s = σ/2 or s = σ/4: with 16 neighbours and two sizes chance does it in about a percent of the points that are asked.
-Where n's motion does not explain the pixels either, R_n > ν² (1 + 3 √(2/N)), something else is there, and L says
-nothing.
+    L + T − N (1 − R)/2 > z √(2 T φ),
 
-*Smooth motion.* From a window away a curved field is mispredicted by much more than a window's own fit is wrong by:
-for the shortest period that is resolved, by up to 1.2 of the amplitude, and by a tenth. So L is negative whatever the
-noise. Chance is left where the two maps happen to agree. Therefore n is asked only if, in u or in v,
+z what chance does to the largest of 16 (`normal_limit`: 8 directions, 2 discs). φ ≥ 1 is the dispersion of the costs:
+pixels of one foreign spot are not independent. From a window away a smooth field is mispredicted by more than a
+window's own fit is wrong by, so that L is negative there.
 
-    |M_n(p) − M_p(p)| > 5 standard errors + 0.3 px + what half a window of curvature makes (`curvature`),
+*Unlike.* Where its pixels have no partner, because something hides them, or belong to a motion that nobody has
+measured, no neighbour's motion explains them, and m = ⟨c⟩ stands out of what is usual (`sixflow.judge.usual`). A point
+is unlike where it does so by more than chance does (`normal_limit`).
 
-the last being three times what the window's own fit is wrong by.
+What windows are known to leave out (`Solution.bias`) is no evidence of an edge: from c(r_p) is deducted what it costs,
+and neighbours differ where the errors with it do not allow for the difference.
 
-*Sequence.* The pixels are asked row by row, from p outwards, until L < −8 in the larger disc and L < 0 in the smaller:
-then n's motion is out (Wald's sequential test). In smooth motion one or two rows are enough.
-
-| symbol | name |
-|---|---|
-| M | `maps` |
-| σ | `sigma`, of the window about p |
-| a | `GAP` windows: pixels nearer to p belong to the edge of either side |
-| noise | `noise`, of one frame; not less than ν₀/√2 |
-| ν₀ | `OF_CONTRAST` of frame 0's contrast around p |
+*Beside.* A point less than σ away from such a point has the edge well inside its window: 16 % of it lie beyond. Which
+of the two motions it follows, and how far the other one draws it, cannot be told from its pixels alone, which follow
+both in part. It is beside an edge too; so are the next points of the grid, because the edge may lie between the two.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from sixflow.chance import evidence_limit, normal_limit
 from sixflow.convention.flags import FAILING, FLAGS
-from sixflow.engine.evidence import Compared, Points, refuted_strip, suspects_strip
+from sixflow.engine.evidence import DIRECTIONS, Compared, Cost, cost_strip, differing_strip, gain_strip
 from sixflow.engine.interpolate import Interpolant
-from sixflow.engine.scales import OF_CONTRAST, local_contrast
+from sixflow.engine.scales import LEAST_MISFIT, OF_CONTRAST, local_contrast
+from sixflow.engine.spline import noise_variance
 from sixflow.engine.threads import over_strips
+from sixflow.engine.window import window_sigma
 from sixflow.judge.contradiction import gradient_variances
+from sixflow.judge.usual import percentiles
 from sixflow.maps.grid import Grid
-from sixflow.maps.neighbours import curvature
+from sixflow.maps.neighbours import fill_failed
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
 from sixflow.refine.solution import Solution
+from sixflow.refine.sweep import Sweep
+from sixflow.refine.windows import image_sums
 
-DISTANCES = (1.0, 1.5)
+DISTANCES = (1.0,)
 """Of the neighbours, windows."""
-_STRIP = 4
+LEAST_DISC = 2.0
+"""px: standard deviation of the smallest disc; within 2 px spline and gradient take pixels from one another."""
+BLOCK = 4
+"""Windows, and twice as many grid points at least: side of the blocks whose percentiles tell what is usual."""
+_STRIP, _PIXEL_ROWS = 4, 64
 
-Array = NDArray[np.float64]
-
-
-def _near(marked: NDArray[np.bool_], window: NDArray[Any], step: int) -> NDArray[np.bool_]:
-    """Points within half a window of the marked ones."""
-    if not marked.any():
-        return marked
-    reach = max(1, round(float(np.median(window[marked])) / 2 / step))
-    return np.asarray(scipy.ndimage.maximum_filter(marked, 2 * reach + 1), dtype=np.bool_)
+Array = NDArray[Any]
 
 
 def refuted(still: Frame, moved: Frame, grid: Grid, found: Solution, plan: Plan) -> NDArray[np.bool_]:
-    """Find points whose neighbours' motion fits the pixels on their side better than the point's own.
+    """Find points whose pixels follow another motion than the point's own, and points beside them.
 
     Parameters
     ----------
@@ -85,9 +81,8 @@ def refuted(still: Frame, moved: Frame, grid: Grid, found: Solution, plan: Plan)
         As they were compared.
     grid : Grid
     found : Solution
-        Expressed at the points of the plan's reference. Points that failed are not judged, nor those within half a
-        window of what is flagged unresolved: there the fit is known to be wrong. Points at edges are asked for their
-        motion, others that failed are not.
+        Expressed at the points of the plan's reference. Points that failed are not judged, but those at edges are asked
+        for their motion.
     plan : Plan
 
     Returns
@@ -106,36 +101,248 @@ def refuted(still: Frame, moved: Frame, grid: Grid, found: Solution, plan: Plan)
     >>> int((sixflow.measure(made.frame0, made.frame1).flag.values & FLAGS["edge"]).sum())
     0
     """
-    maps, flag, window, light = found.maps, found.flag, found.window, found.light
-    out = np.zeros(grid.shape, np.bool_)
-    judged = ((flag & FAILING) == 0) & ~_near(flag & FLAGS["unresolved"] != 0, window, grid.step)
-    asked = (flag & (FAILING - FLAGS["edge"])) == 0
-    windows = np.nan_to_num(window, nan=float(grid.step)) / grid.step
-    reach = np.stack([np.maximum(1, np.rint(part * windows)).astype(np.int64) for part in DISTANCES])
-    suspects = np.zeros(grid.shape, np.bool_)
+    asked = (found.flag & (FAILING - FLAGS["edge"])) == 0
+    judged = (found.flag & FAILING) == 0
+    if not judged.any():
+        return judged
+    told = _told(found)
+    differing = _differing(found, told, grid, asked, judged)
+    if found.statistics.outlying is None and not differing.any():
+        return np.zeros(grid.shape, np.bool_)
+    pixels = _Pixels.of(still, moved, grid, found, plan)
+    bad = pixels.unlike() | pixels.refuted(differing, told.maps)
+    unseen = (found.flag & (FLAGS["masked"] | FLAGS["low_texture"])) != 0
+    return _beside(bad & ~unseen, found, grid) & judged
+
+
+class _Told(NamedTuple):
+    """What points tell their neighbours: maps, shape (6, rows, columns), and the variances of their numbers."""
+
+    maps: Array
+    variances: Array
+
+
+def _told(found: Solution) -> _Told:
+    """Maps whose gradients G are (1 − Σ var/Σ G²) G, or 0: as much as noise lets be told of them (James and Stein).
+
+    From a window away the error of a gradient makes several times that of the displacement.
+    """
+    covariance = found.covariance
+    if found.bias is not None:
+        covariance = covariance + np.nan_to_num(found.bias)[..., None] * np.eye(6)
+    maps, variances = found.maps.copy(), gradient_variances(covariance)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.clip(1 - variances[2:].sum(axis=0) / (maps[2:] ** 2).sum(axis=0), 0, 1)
+    maps[2:] *= share
+    variances[2:] *= share**2
+    return _Told(maps, variances)
+
+
+def _reach(found: Solution, grid: Grid) -> NDArray[np.int64]:
+    """Distance of the neighbours of every point, grid points; shape (rings, rows, columns)."""
+    windows = np.nan_to_num(found.window, nan=float(grid.step)) / grid.step
+    return np.stack([np.maximum(1, np.rint(part * windows)).astype(np.int64) for part in DISTANCES])
+
+
+def _differing(
+    found: Solution, told: _Told, grid: Grid, asked: NDArray[np.bool_], judged: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which neighbours predict another motion for a point; shape (8 · rings, rows, columns)."""
+    reach, count = _reach(found, grid), len(DIRECTIONS) * len(DISTANCES)
+    limit = normal_limit(2 * count)
+    out = np.zeros((count, *grid.shape), np.bool_)
     over_strips(
-        lambda a, b: suspects_strip(maps, asked, judged, reach, grid.step, a, b, suspects),
+        lambda a, b: differing_strip(
+            told.maps, told.variances, asked, judged, reach, grid.step, limit, a, b, out
+        ),
         grid.rows,
         4 * _STRIP,
     )
-    if not suspects.any():
-        return out
-    variances = gradient_variances(found.covariance)
-    bend = curvature(np.where(asked, maps, np.nan), grid.step, float(np.median(window[suspects])))
-    degree, share = plan.degree, plan.share
-    none, valid = np.empty((0, 0), still.image.dtype), still.interpolable() if share else still.valid
-    noiseless = 0.0, 0.0, 0.0
-    frames = Compared(
-        still.image,
-        Interpolant(still.coefficients(degree) if share else none, valid, noiseless),
-        Interpolant(moved.coefficients(degree), moved.interpolable(), noiseless),
-        share,
-    )
-    least = OF_CONTRAST / math.sqrt(2) * local_contrast(still.image, valid, grid.y, grid.x)
-    points = Points(
-        maps, variances, bend, np.maximum(found.statistics.noise, least), 2 * least**2,
-        np.empty((0, 0, 2)) if light is None else np.asarray(light, np.float64), asked, suspects, reach, window,
-        grid.origin_and_step,
-    )  # fmt: skip
-    over_strips(lambda a, b: refuted_strip(frames, points, degree + 1, a, b, out), grid.rows, _STRIP)
     return out
+
+
+def _beside(told: NDArray[np.bool_], found: Solution, grid: Grid) -> NDArray[np.bool_]:
+    """Points that are told of, and those less than σ away."""
+    if not told.any():
+        return told
+    away = grid.step * np.asarray(scipy.ndimage.distance_transform_edt(~told))
+    return np.asarray(away <= np.maximum(grid.step, window_sigma(1.0) * np.nan_to_num(found.window)))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Pixels:
+    """The pixels of a pair, and what they cost the motion as it is known.
+
+    Attributes
+    ----------
+    frames : Compared
+    own : Cost
+    found : Solution
+    grid : Grid
+    taps : int
+    """
+
+    frames: Compared
+    own: Cost
+    found: Solution
+    grid: Grid
+    taps: int
+
+    @classmethod
+    def of(cls, still: Frame, moved: Frame, grid: Grid, found: Solution, plan: Plan) -> _Pixels:
+        """Compare the frames with the motion as it is known."""
+        degree, central = plan.degree, plan.share > 0
+        sweep = Sweep(
+            still, moved, grid, plan.window.sigma, degree=degree, lowpass=plan.lowpass, central=central,
+            of_both=False,
+        )  # fmt: skip
+        light = None if found.light is None else np.moveaxis(found.light, -1, 0)
+        images = sweep.images(fill_failed(found.known, grid.step), light=light)
+        counted = still.interpolable() if central else still.counted()
+        least = OF_CONTRAST / math.sqrt(2) * local_contrast(still.image, counted, grid.y, grid.x)
+        noise = np.maximum(_noise(found), least)
+        bias = np.zeros(grid.shape)
+        if found.bias is not None:
+            bias += np.nan_to_num((found.bias[..., 0] + found.bias[..., 1]) / 2)
+        made = [np.empty(still.image.shape, images.residual.dtype) for _ in range(3)]
+        cost, slopes = Cost(made[0], made[1], made[2], images.residual, evidence_limit()), images[:2]
+        over_strips(
+            lambda a, b: cost_strip(
+                *slopes, 2 * noise**2, bias, LEAST_MISFIT**2, grid.origin_and_step, a, b, cost
+            ),
+            still.image.shape[0],
+            _PIXEL_ROWS,
+        )
+        dtype = images.residual.dtype
+        none, each = np.empty((0, 0), dtype), noise_variance(degree, plan.lowpass)
+        frames = Compared(
+            still.image,
+            Interpolant(still.coefficients(degree) if central else none, counted, each),
+            Interpolant(moved.coefficients(degree), moved.interpolable(), each),
+            plan.share,
+        )
+        return cls(frames, cost, found, grid, degree + 1)
+
+    @cached_property
+    def discs(self) -> tuple[NDArray[np.intp], list[float]]:
+        """Which size every point's disc has, and the sizes: s, from small to large by factors of two."""
+        half = np.maximum(np.nan_to_num(self.found.window) * window_sigma(1.0) / 2, LEAST_DISC)
+        least = float(half.min())
+        level = np.rint(np.log2(half / least)).astype(np.intp)
+        return level, [least * 2**k for k in range(int(level.max()) + 1)]
+
+    @cached_property
+    def usual(self) -> list[_Usual]:
+        """What is usual in discs of every size."""
+        counted, out = (self.own.power > 0).astype(self.own.cost.dtype), []
+        for size in self.discs[1]:
+            small = max(size / 2, LEAST_DISC)
+            m, left, share = self._mean(counted, size)
+            m_small = self._mean(counted, small)[0]
+            side = max(2 * BLOCK, round(BLOCK * size * 2 / window_sigma(1.0) / self.grid.step))
+            low, scatter = percentiles(m, m_small, max(1, round(4 * small / self.grid.step)), side)
+            # not less than noise makes: ½ ± √(½/N) of m
+            scatter = np.maximum(scatter, 1 / (2 * math.sqrt(4 * math.pi) * small))
+            middle = np.maximum(low + scatter * small / size, math.sqrt(1 / 2))
+            dispersion = 8 * math.pi * small**2 * (2 * middle * scatter) ** 2
+            with np.errstate(divide="ignore"):
+                deviation = scatter * small / size / np.sqrt(share)
+            out.append(_Usual(left, middle, deviation, np.maximum(1, dispersion)))
+        return out
+
+    def unlike(self) -> NDArray[np.bool_]:
+        """Points whose pixels are matched worse than chance and the frames' own foreign pixels explain."""
+        out = np.zeros(self.grid.shape, np.bool_)
+        for k, (left, middle, deviation, _) in enumerate(self.usual):
+            with np.errstate(invalid="ignore", divide="ignore"):
+                out |= (self.discs[0] == k) & ((left - middle) / deviation > normal_limit())
+        return out
+
+    def _mean(self, counted: Array, size: float) -> tuple[Array, Array, Array]:
+        """√m of every point in discs of a size, NaN where no pixel has a partner; the same of what is not explained;
+        and the share of pixels that have a partner.
+        """
+        sums = image_sums((self.own.cost, self.own.explained, counted), self.grid, size)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            m, explained = sums[1:3] / sums[3]
+            return np.sqrt(m), np.sqrt(np.maximum(m - explained, 0)), sums[3] / sums[0].max()
+
+    def refuted(self, differing: NDArray[np.bool_], told: Array) -> NDArray[np.bool_]:
+        """Points whose pixels follow the motion of a neighbour that differs."""
+        level, sizes = self.discs
+        out, reach = np.zeros(self.grid.shape, np.bool_), _reach(self.found, self.grid)
+        light = np.empty((0, 0, 2)) if self.found.light is None else np.asarray(self.found.light, np.float64)
+        images = np.zeros((2, *self.own.cost.shape), self.own.cost.dtype)
+        around = 2 * math.ceil(2 * sizes[-1] / self.grid.step) + 3
+        for n, those in enumerate(differing):
+            if not those.any():
+                continue
+            maps, known = self._told_from(n, told, reach)
+            wanted = known & np.asarray(scipy.ndimage.maximum_filter(those, around))
+            images.fill(0)
+            # fmt: off
+            over_strips(
+                lambda a, b, maps=maps, wanted=wanted: gain_strip(  # type: ignore[misc]
+                    self.frames, self.own, maps, wanted, light, self.grid.origin_and_step, self.taps, a, b,
+                    images[0], images[1],
+                ),
+                self.grid.rows,
+                _STRIP,
+            )
+            # fmt: on
+            independent = _independent(maps[:2] - self.found.maps[:2])
+            for k, one in enumerate(sizes):
+                here = those & (level == k)
+                for size in {one, max(one / 2, LEAST_DISC)} if here.any() else ():
+                    pixels = 4 * math.pi * size**2
+                    sums = image_sums((images[0], images[1]), self.grid, size)
+                    saved, apart = pixels * sums[1:] / sums[0]
+                    by_noise = np.minimum(pixels * independent / 2, apart)
+                    with np.errstate(invalid="ignore", divide="ignore"):
+                        z = (saved + apart - by_noise) / np.sqrt(2 * apart * self.usual[k].dispersion)
+                    out |= here & (saved > 0) & (z > normal_limit(2 * len(differing)))
+        return out
+
+    def _told_from(self, n: int, told: Array, reach: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+        """The maps that neighbours tell all points, and which are told one."""
+        (rows, columns), step = self.grid.shape, self.grid.step
+        column, row = DIRECTIONS[n % len(DIRECTIONS)]
+        far = reach[n // len(DIRECTIONS)]
+        j, i = np.mgrid[:rows, :columns]
+        y, x = j + row * far, i + column * far
+        inside = (y >= 0) & (x >= 0) & (y < rows) & (x < columns)
+        maps = told[:, np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)].copy()
+        hx, hy = column * far * step, row * far * step
+        maps[0] -= hx * maps[2] + hy * maps[3]
+        maps[1] -= hx * maps[4] + hy * maps[5]
+        return maps, inside & np.isfinite(maps).all(axis=0)
+
+
+def _noise(found: Solution) -> Array:
+    """Noise of one frame about every point; the least of all where it failed."""
+    noise = np.where(found.failed, np.nan, found.statistics.noise)
+    return np.nan_to_num(noise, nan=np.nanmin(noise))
+
+
+def _independent(apart: Array) -> Array:
+    """1 − R: how far the noise of a frame at two places, so far apart along x and y, is not the same."""
+    return np.asarray(1 - np.prod(np.sinc(np.clip(np.nan_to_num(apart), -1, 1)), axis=0))
+
+
+class _Usual(NamedTuple):
+    """What is usual in discs of one size; arrays of shape (rows, columns).
+
+    Attributes
+    ----------
+    left : array
+        √ of m, less what is explained, of every point.
+    middle, deviation : array
+        √μ and s₂.
+    dispersion : array
+        φ.
+    """
+
+    left: Array
+    middle: Array
+    deviation: Array
+    dispersion: Array

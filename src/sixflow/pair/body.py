@@ -95,7 +95,7 @@ class Body:
         """Look at what was refined as a whole: other motions that fit, edges, the way back, points that stand alone."""
         if not guessed:
             found = found.with_flag("ambiguous", self._ambiguous(found))
-        if found.statistics.outlying is not None:
+        if self.plan.robust and self.plan.method == "least_squares":
             found = found.with_flag("edge", self._refuted(found))
         if self.plan.forward_backward:
             found = found.with_flag("forward_backward", self._fails_round_trip(found))
@@ -183,7 +183,7 @@ class Body:
         return found.replace(flag=flag)
 
     def _refuted(self, there: Solution) -> NDArray[np.bool_]:
-        """Points beside which a neighbour's motion fits better; where no pixel is outlying there is no edge."""
+        """Points whose pixels follow another motion than their own."""
         there = self._dense(there)
         frames = self.still, self.moved
         if self.light is not None:

@@ -84,7 +84,7 @@ def settled(problem: Problem, start: Array) -> Pass:
             return found
         else:
             state = found.state
-        maps = _filled(problem, found, weighed=state.weights is not None)
+        maps = _filled(problem, found, weighed=state.weights is not None and not state.weights.resting)
         del found  # what it holds of the pixels need not stand beside that of the next
 
 
@@ -109,7 +109,7 @@ def _filled(problem: Problem, found: Pass, *, weighed: bool) -> Array:
 def with_pixel_weights(plan: Plan, found: Pass) -> State | None:
     """The state in which outlying pixels are down-weighted, if a pass shows the first of them."""
     tail = found.statistics.tail
-    if found.weighed or not plan.robust or tail is None:
+    if found.state.weights is not None or not plan.robust or tail is None:
         return None
     # fewer pixels are independent after a low-pass, and chance makes longer tails
     longest = 1 + (LONG_TAIL - 1) * max(1.0, plan.lowpass)

@@ -27,7 +27,7 @@ from sixflow.engine.solve import explained_strip, normal_matrices, solve_strip, 
 from sixflow.engine.spline import gradient_noise
 from sixflow.engine.sweep import Images
 from sixflow.engine.threads import over_strips
-from sixflow.engine.weigh import find_weights
+from sixflow.engine.weigh import LEAST_GAIN, find_weights, largest_gain
 from sixflow.maps.grid import Grid
 from sixflow.maps.restriction import allowed, confined, maps_of, unknowns, with_shared_gradients
 from sixflow.plan import Plan
@@ -148,11 +148,12 @@ class LeastSquares:
             sums = self._sums(self.sweep.moments(maps, total=total))
             state = dataclasses.replace(state, light=light_of_windows(sums))
         images, weights = None, state.weights
-        if weights is None and not (last and self.plan.lowpass):
+        resting = weights is None or weights.resting
+        if resting and not (last and self.plan.lowpass):
             moments = self.sweep.moments(maps, total=total, light=state.light, sandwich=last, power=power)
         else:
             images = self.sweep.images(maps, total=total, light=state.light)
-            if weights is not None:
+            if weights is not None and not resting:
                 weights = self._weighed(images, weights)
             moments = self.sweep.moments_of(
                 images, None if weights is None else weights.weight, sandwich=last, power=power
@@ -246,7 +247,7 @@ class LeastSquares:
         return solution, solution - maps
 
     def _weighed(self, images: Images, weights: PixelWeights) -> PixelWeights:
-        """Find the weights of pixels again, unless they stay."""
+        """Find the weights of pixels again, unless they stay; none, if they gain nothing the first time."""
         if not weights.changing:
             return dataclasses.replace(weights, times=weights.times + 1)
         shape, dtype = images.residual.shape, images.residual.dtype
@@ -256,6 +257,8 @@ class LeastSquares:
         # a share of the information that moves a point by less than the tolerance, were it wrong by a pixel
         stays = self.plan.tolerance
         changed = find_weights(*parts, raw, weight, stays)
+        if weights.weight is None and largest_gain(*parts[:3], weight) < LEAST_GAIN:
+            return PixelWeights(None, None, FREEZE, weights.partner)
         times = FREEZE if changed <= stays else weights.times + 1
         return PixelWeights(raw, weight, times, weights.partner)
 

@@ -65,12 +65,14 @@ class Mix:
         def of(parts: list[Array], weight: Array = t) -> Array:
             stack = np.stack(parts)
             a, b = stack[fine, rows, columns], stack[coarse, rows, columns]
-            return np.where(weight > 0, (1 - weight) * a + weight * b, a).astype(stack.dtype)
+            with np.errstate(invalid="ignore"):  # what one window does not know may be infinite
+                return np.where(weight > 0, (1 - weight) * a + weight * b, a).astype(stack.dtype)
 
         first, weight = ordered[0], t[..., None, None]
         covariances = np.stack([level.covariance for level in ordered])
         a, b = covariances[fine, rows, columns], covariances[coarse, rows, columns]
-        covariance = np.where(weight > 0, (1 - weight) ** 2 * a + weight * (2 - weight) * b, a)
+        with np.errstate(invalid="ignore"):
+            covariance = np.where(weight > 0, (1 - weight) ** 2 * a + weight * (2 - weight) * b, a)
         statistics = {}
         for field in dataclasses.fields(first.statistics):
             parts = [getattr(level.statistics, field.name) for level in ordered]

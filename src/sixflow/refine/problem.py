@@ -77,6 +77,11 @@ class PixelWeights:
         """Whether the next pass finds them again."""
         return self.times < FREEZE
 
+    @property
+    def resting(self) -> bool:
+        """Whether they were found to gain nothing: all are 1."""
+        return self.weight is None and not self.changing
+
 
 @dataclasses.dataclass(frozen=True)
 class State:
@@ -122,7 +127,7 @@ class Pass:
     @property
     def weighed(self) -> bool:
         """Whether outlying pixels were down-weighted."""
-        return self.state.weights is not None
+        return self.state.weights is not None and not self.state.weights.resting
 
     @property
     def moved(self) -> Array:

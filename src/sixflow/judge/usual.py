@@ -1,0 +1,73 @@
+"""Usual: what the pixels of a pair cost its motion where nothing is wrong, foreign pixels included.
+
+Unmatched particles and changes of the pattern raise the mean cost m of the pixels in a disc everywhere, here a little
+and there more, by as many such spots as chance puts into one disc. √m scatters alike whatever their number is. With s₁
+the scatter of √m in discs of half the size, a quarter of the pixels in each, from the median of the differences between
+discs that do not overlap,
+
+    s₂ = s₁/2,     √μ = (16th percentile of √m in a block) + s₂,     φ = 2 N₁ (2 √μ s₁)²
+
+16 % of normal deviates lie more than one standard deviation below their mean. So up to 84 % of the points of a block
+may lie beside edges, which raise √m by many s₂: the lower end tells what is usual all the same. φ, the dispersion, is
+the variance of m over that of noise, ½ for each of N₁ pixels. Neither m nor its scatter is less than noise makes them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+BELOW = 15.866
+"""Percent of normal deviates that are more than one standard deviation below their mean."""
+OF_DIFFERENCES = 1.4826 / np.sqrt(2)
+"""Standard deviation of normal deviates over the median size of the difference of two."""
+
+Array = NDArray[Any]
+
+
+def percentiles(m: Array, small: Array, apart: int, side: int) -> tuple[Array, Array]:
+    """The 16th percentile of `m` around every point, and the standard deviation of `small`, from its differences.
+
+    Both are taken in blocks that overlap by half, and interpolated between their centres.
+
+    Parameters
+    ----------
+    m, small : arrays, shape (rows, columns)
+        NaN where they are not known.
+    apart : int
+        Grid points between those whose difference is taken.
+    side : int
+        Of the blocks, grid points.
+
+    Returns
+    -------
+    two arrays, shape (rows, columns)
+        Infinite where nothing is known.
+    """
+    differences = np.full((2, *m.shape), np.nan)
+    differences[0, :, apart:] = np.abs(small[:, apart:] - small[:, :-apart])
+    differences[1, apart:] = np.abs(small[apart:] - small[:-apart])
+    half = max(1, side // 2)
+    starts = [np.arange(0, max(1, size - half), half) for size in m.shape]
+    blocks = np.empty((2, len(starts[0]), len(starts[1])))
+    for at in np.ndindex(blocks.shape[1:]):
+        here = tuple(slice(start[k], start[k] + side) for start, k in zip(starts, at, strict=True))
+        blocks[0, *at] = _percentile(m[here], BELOW)
+        blocks[1, *at] = OF_DIFFERENCES * _percentile(differences[(slice(None), *here)], 50)
+    centres = [
+        np.clip((np.arange(size) + 0.5 - side / 2) / half, 0, len(start) - 1)
+        for size, start in zip(m.shape, starts, strict=True)
+    ]
+    places = np.meshgrid(*centres, indexing="ij")
+    known = [np.where(np.isfinite(plane), plane, _percentile(plane, 50)) for plane in blocks]
+    low, scatter = (scipy.ndimage.map_coordinates(plane, places, order=1, mode="nearest") for plane in known)
+    return low, scatter
+
+
+def _percentile(values: Array, percent: float) -> float:
+    """Percentile of the values that are known; infinite if none is."""
+    values = values[np.isfinite(values)]
+    return float(np.percentile(values, percent)) if values.size else np.inf
