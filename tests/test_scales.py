@@ -10,18 +10,8 @@ from sixflow.engine.scales import TILE, local_contrast, median_around
 from sixflow.engine.weigh import find_weights
 from sixflow.prepare.defects import defects
 from sixflow.prepare.frame import NO_MASK, Frame, eroded
-from sixflow.prepare.lighting import Change, Light, confirmed
 from sixflow.prepare.nodata import within_region
 from sixflow.synth import Particles, Speckle
-
-
-def test_changes_of_light():
-    base = Light(100.0, 40.0)
-    for gain, offset, seen in ((1.04, 3.9, False), (1.06, 0, True), (0.94, 0, True), (1, 4.1, True)):
-        assert Change.between(base, Light(100 + offset, 40 * gain)).seen == seen
-    for gain, offset, seen in ((1.019, 0.79, False), (1.021, 0, True), (1, -0.81, True)):
-        light = np.broadcast_to([gain, offset], (3, 4, 2))
-        assert confirmed(light, np.ones((3, 4), bool), 40.0) == seen
 
 
 @pytest.mark.parametrize(("size", "weight"), [(3.4, 1), (4.25, 0.54), (5.1, 0)])

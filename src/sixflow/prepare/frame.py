@@ -71,11 +71,11 @@ class Frame:
         return self._derived[step]
 
     def spectrum(
-        self, side: int, make: Callable[[NDArray[Any], int], NDArray[np.float64]]
+        self, side: int, make: Callable[[NDArray[Any], NDArray[Any], int], NDArray[np.float64]]
     ) -> NDArray[np.float64]:
-        """Return the spectrum of the image's tiles of a side, px; made the first time."""
+        """Return the spectrum of tiles of a side, px, of the pixels that count; made the first time."""
         if side not in self._spectra:
-            self._spectra[side] = make(self.image, side)
+            self._spectra[side] = make(self.image, self.counted(), side)
         return self._spectra[side]
 
     def part(self, place: tuple[slice, slice]) -> Frame:

@@ -130,7 +130,9 @@ def coarseness(still: Frame, moved: Frame, sigma: float) -> float:
     >>> coarseness(*noise, 8.7) < 1.2
     True
     """
-    power = [spectrum_of(frame, sigma) for frame in (still, moved)]
+    # nobody knows what the mask of frame 0 leaves of frame 1
+    frames = (still, still) if still.valid.size else (still, moved)
+    power = [spectrum_of(frame, sigma) for frame in frames]
     side = len(power[0])
     totals = [float(part.sum()) for part in power]
     if not all(totals):
@@ -155,14 +157,18 @@ def spectrum_of(frame: Frame, sigma: float) -> Array:
     return frame.spectrum(side, _spectrum)
 
 
-def _spectrum(image: NDArray[Any], side: int) -> Array:
+def _spectrum(image: NDArray[Any], valid: NDArray[Any], side: int) -> Array:
     from scipy.fft import fft2
 
     line = np.hanning(side + 1)[:-1].astype(image.dtype)
     taper = np.outer(line, line)
     rows, columns = (np.unique(np.linspace(0, size - side, TILES).astype(int)) for size in image.shape)
     tiles = np.stack([image[y : y + side, x : x + side] for y in rows for x in columns])
-    tiles = (tiles - (tiles * taper).sum((1, 2), keepdims=True) / taper.sum()) * taper
-    transform = fft2(tiles)
-    power = (transform.real**2 + transform.imag**2).mean(axis=0, dtype=np.float64)
-    return np.asarray(power / float((taper**2).sum()))
+    tapers = np.broadcast_to(taper, tiles.shape)
+    if valid.size:
+        known = np.stack([valid[y : y + side, x : x + side] for y in rows for x in columns]) != 0
+        tiles, tapers = np.where(known, tiles, 0), np.where(known, taper, 0)
+    total = np.maximum(tapers.sum((1, 2), keepdims=True), np.finfo(taper.dtype).tiny)
+    transform = fft2((tiles - (tiles * tapers).sum((1, 2), keepdims=True) / total) * tapers)
+    power = (transform.real**2 + transform.imag**2).sum(axis=0, dtype=np.float64)
+    return np.asarray(power / max(float((tapers**2).sum()), np.finfo(np.float32).tiny))
