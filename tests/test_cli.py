@@ -330,7 +330,7 @@ def test_help_of_measure_says_what_the_settings_say(capsys, monkeypatch):
     out = capsys.readouterr().out
     for field in dataclasses.fields(Settings):
         assert settings_help()[field.name] in out
-    assert "[default: 31]" in out
+    assert "[default: auto]" in out
 
 
 def command_lines(text):

@@ -179,7 +179,7 @@ def test_numbers_of_numpy_are_numbers():
     settings = sixflow.Settings(
         window=np.float32(31), step=np.int64(8), robust=np.True_, tolerance=np.float64(0.01)
     )
-    assert settings == sixflow.Settings(tolerance=0.01)
+    assert settings == sixflow.Settings(window=31, tolerance=0.01)
     assert type(settings.step) is int
     assert sixflow.Settings.from_mapping(json.loads(settings.to_json())) == settings
 

@@ -60,14 +60,19 @@ class Grid:
         Examples
         --------
         >>> Grid.over((64, 48), 16).finer(2, (64, 48))
-        (Grid(x0=7, y0=7, step=8, columns=6, rows=8), (slice(0, None, 2), slice(0, None, 2)))
+        (Grid(x0=7, y0=7, step=8, columns=6, rows=8), (slice(0, 7, 2), slice(0, 5, 2)))
         """
         step, ends = self.step // times, []
         for origin, size in ((self.y0, shape[0]), (self.x0, shape[1])):
             before = origin // step
             ends.append((origin - before * step, (size - 1 - origin) // step + before + 1, before))
         (y0, rows, above), (x0, columns, left) = ends
-        return Grid(x0, y0, step, columns, rows), (slice(above, None, times), slice(left, None, times))
+        places = (
+            slice(first, first + times * (count - 1) + 1, times)
+            for first, count in ((above, self.rows), (left, self.columns))
+        )
+        down, across = places
+        return Grid(x0, y0, step, columns, rows), (down, across)
 
     def within(
         self, rows: slice, columns: slice, *, origin: tuple[slice, slice]

@@ -145,10 +145,16 @@ class Pass:
 
     @property
     def trusted(self) -> NDArray[np.bool_]:
-        """Where the windows match besides, by themselves."""
+        """Where the windows match besides, by themselves.
+
+        Windows of one contrast that have nothing in common differ by √2 of it. What differs by more holds something
+        else in the moved frame, such as what lies outside the mask, and its map is not to be built upon.
+        """
         correlation, cells = self.alike
         statistics = dataclasses.replace(self.statistics, correlation=correlation, cells=cells)
-        return np.asarray(self.measurable & (evidence_of(statistics) > evidence_limit()))
+        with np.errstate(invalid="ignore"):
+            alike = self.statistics.residual < math.sqrt(2)
+        return np.asarray(self.measurable & alike & (evidence_of(statistics) > evidence_limit()))
 
     @property
     def alike(self) -> tuple[Array, Array]:
