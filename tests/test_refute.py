@@ -291,3 +291,14 @@ def test_no_pixel_is_asked_where_neighbours_agree(monkeypatch):
 def test_pixels_are_not_asked_without_robust(monkeypatch):
     monkeypatch.setattr(body, "refuted", lambda *a: pytest.fail("asked"))
     measure(*patched(), robust=False)
+
+
+def test_a_rough_match_is_not_hidden():
+    """A square in which frame 1 has much more noise is matched worse than is usual, and still is the same pattern."""
+    first = render(Speckle(seed=3), (192, 192))
+    second = render(Speckle(seed=3), (192, 192), Affine.translation(0.6, 0.3))
+    rough = np.random.default_rng(3).normal(0, 0.25 * first.std(), (64, 64))
+    second[64:128, 64:128] += rough
+    sensor = Sensor(noise=NOISE, seed=3)
+    field = measure(sensor.expose(first, 0), sensor.expose(second, 1))
+    assert ((field.flag.values & FLAGS["edge"]) != 0).mean() < 0.01

@@ -22,7 +22,8 @@ window's own fit is wrong by, so that L is negative there.
 
 *Unlike.* Where its pixels have no partner, because something hides them, or belong to a motion that nobody has
 measured, no neighbour's motion explains them, and m = ⟨c⟩ stands out of what is usual (`sixflow.judge.usual`). A point
-is unlike where it does so by more than chance does (`normal_limit`).
+is unlike where it does so by more than chance does (`normal_limit`), and where its pixels are nearer to unrelated ones,
+which leave twice their contrast's power, than to equal ones: where the residual's power is more than the contrast's.
 
 What windows are known to leave out (`Solution.bias`) is no evidence of an edge: from c(r_p) is deducted what it costs,
 and neighbours differ where the errors with it do not allow for the difference.
@@ -52,7 +53,7 @@ from sixflow.engine.spline import noise_variance
 from sixflow.engine.threads import over_strips
 from sixflow.engine.window import window_sigma
 from sixflow.judge.contradiction import gradient_variances
-from sixflow.judge.usual import percentiles
+from sixflow.judge.usual import Usual, disc_of, percentiles
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import fill_failed
 from sixflow.plan import Plan
@@ -180,6 +181,8 @@ class _Pixels:
     found : Solution
     grid : Grid
     taps : int
+    still : array, shape (height, width)
+        Frame 0 as it was compared.
     """
 
     frames: Compared
@@ -187,6 +190,7 @@ class _Pixels:
     found: Solution
     grid: Grid
     taps: int
+    still: Array
 
     @classmethod
     def of(cls, still: Frame, moved: Frame, grid: Grid, found: Solution, plan: Plan) -> _Pixels:
@@ -221,7 +225,7 @@ class _Pixels:
             Interpolant(moved.coefficients(degree), moved.interpolable(), each),
             plan.share,
         )
-        return cls(frames, cost, found, grid, degree + 1)
+        return cls(frames, cost, found, grid, degree + 1, images.still)
 
     @cached_property
     def discs(self) -> tuple[NDArray[np.intp], list[float]]:
@@ -232,40 +236,38 @@ class _Pixels:
         return level, [least * 2**k for k in range(int(level.max()) + 1)]
 
     @cached_property
-    def usual(self) -> list[_Usual]:
+    def usual(self) -> list[Usual]:
         """What is usual in discs of every size."""
-        counted, out = (self.own.power > 0).astype(self.own.cost.dtype), []
+        planes, out = self._planes(), []
         for size in self.discs[1]:
             small = max(size / 2, LEAST_DISC)
-            m, left, share = self._mean(counted, size)
-            m_small = self._mean(counted, small)[0]
+            disc, m_small = disc_of(planes, self.grid, size), disc_of(planes[:3], self.grid, small).m
             side = max(2 * BLOCK, round(BLOCK * size * 2 / window_sigma(1.0) / self.grid.step))
-            low, scatter = percentiles(m, m_small, max(1, round(4 * small / self.grid.step)), side)
+            low, scatter = percentiles(disc.m, m_small, max(1, round(4 * small / self.grid.step)), side)
             # not less than noise makes: ½ ± √(½/N) of m
             scatter = np.maximum(scatter, 1 / (2 * math.sqrt(4 * math.pi) * small))
             middle = np.maximum(low + scatter * small / size, math.sqrt(1 / 2))
             dispersion = 8 * math.pi * small**2 * (2 * middle * scatter) ** 2
             with np.errstate(divide="ignore"):
-                deviation = scatter * small / size / np.sqrt(share)
-            out.append(_Usual(left, middle, deviation, np.maximum(1, dispersion)))
+                deviation = scatter * small / size / np.sqrt(disc.share)
+            out.append(Usual(disc.left, middle, deviation, np.maximum(1, dispersion), disc.unrelated))
         return out
 
     def unlike(self) -> NDArray[np.bool_]:
-        """Points whose pixels are matched worse than chance and the frames' own foreign pixels explain."""
+        """Points whose pixels are nearer to unrelated ones than to equal ones, and not by chance or foreign spots."""
         out = np.zeros(self.grid.shape, np.bool_)
-        for k, (left, middle, deviation, _) in enumerate(self.usual):
+        for k, one in enumerate(self.usual):
             with np.errstate(invalid="ignore", divide="ignore"):
-                out |= (self.discs[0] == k) & ((left - middle) / deviation > normal_limit())
+                stands_out = (one.left - one.middle) / one.deviation > normal_limit()
+            out |= (self.discs[0] == k) & stands_out & one.unrelated
         return out
 
-    def _mean(self, counted: Array, size: float) -> tuple[Array, Array, Array]:
-        """√m of every point in discs of a size, NaN where no pixel has a partner; the same of what is not explained;
-        and the share of pixels that have a partner.
-        """
-        sums = image_sums((self.own.cost, self.own.explained, counted), self.grid, size)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            m, explained = sums[1:3] / sums[3]
-            return np.sqrt(m), np.sqrt(np.maximum(m - explained, 0)), sums[3] / sums[0].max()
+    def _planes(self) -> tuple[Array, ...]:
+        """Cost, what of it is explained and 1 where a pixel has a partner; r², I₀ and I₀² there."""
+        own = self.own
+        counted = (own.power > 0).astype(own.cost.dtype)
+        still = (self.still - self.still.mean()) * counted
+        return own.cost, own.explained, counted, np.where(counted > 0, own.residual, 0) ** 2, still, still**2
 
     def refuted(self, differing: NDArray[np.bool_], told: Array) -> NDArray[np.bool_]:
         """Points whose pixels follow the motion of a neighbour that differs."""
@@ -327,22 +329,3 @@ def _noise(found: Solution) -> Array:
 def _independent(apart: Array) -> Array:
     """1 − R: how far the noise of a frame at two places, so far apart along x and y, is not the same."""
     return np.asarray(1 - np.prod(np.sinc(np.clip(np.nan_to_num(apart), -1, 1)), axis=0))
-
-
-class _Usual(NamedTuple):
-    """What is usual in discs of one size; arrays of shape (rows, columns).
-
-    Attributes
-    ----------
-    left : array
-        √ of m, less what is explained, of every point.
-    middle, deviation : array
-        √μ and s₂.
-    dispersion : array
-        φ.
-    """
-
-    left: Array
-    middle: Array
-    deviation: Array
-    dispersion: Array

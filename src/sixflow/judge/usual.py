@@ -14,11 +14,14 @@ the variance of m over that of noise, ½ for each of N₁ pixels. Neither m nor 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
+
+from sixflow.maps.grid import Grid
+from sixflow.refine.windows import image_sums
 
 BELOW = 15.866
 """Percent of normal deviates that are more than one standard deviation below their mean."""
@@ -26,6 +29,69 @@ OF_DIFFERENCES = 1.4826 / np.sqrt(2)
 """Standard deviation of normal deviates over the median size of the difference of two."""
 
 Array = NDArray[Any]
+
+
+class Disc(NamedTuple):
+    """What discs of one size about the points show.
+
+    Attributes
+    ----------
+    m, left : array
+        √ of m, NaN where no pixel has a partner, and of m less what is explained.
+    share : array
+        Of the pixels that have a partner.
+    unrelated : bool array
+        Where the residual's power is more than half of what unrelated pixels of this contrast would leave.
+    """
+
+    m: Array
+    left: Array
+    share: Array
+    unrelated: NDArray[np.bool_]
+
+
+def disc_of(planes: tuple[Array, ...], grid: Grid, size: float) -> Disc:
+    """Means in discs of a size.
+
+    Parameters
+    ----------
+    planes : three arrays, or six, shape (height, width)
+        Cost, what of it is explained, and 1 where a pixel has a partner; r², I₀ and I₀² there.
+    grid : Grid
+    size : float
+        s, px.
+    """
+    sums = image_sums(planes, grid, size)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        means = sums[1:] / sums[3]
+        unrelated = np.zeros(grid.shape, np.bool_)
+        if len(planes) > 3:
+            unrelated = means[3] > means[5] - means[4] ** 2
+        return Disc(
+            np.sqrt(means[0]), np.sqrt(np.maximum(means[0] - means[1], 0)), sums[3] / sums[0].max(), unrelated
+        )
+
+
+class Usual(NamedTuple):
+    """What is usual in discs of one size; arrays of shape (rows, columns).
+
+    Attributes
+    ----------
+    left : array
+        √ of m, less what is explained, of every point.
+    middle, deviation : array
+        √μ and s₂.
+    dispersion : array
+        φ.
+    unrelated : bool array
+        As in `Disc`.
+    """
+
+    left: Array
+    middle: Array
+    deviation: Array
+    dispersion: Array
+    unrelated: NDArray[np.bool_]
 
 
 def percentiles(m: Array, small: Array, apart: int, side: int) -> tuple[Array, Array]:

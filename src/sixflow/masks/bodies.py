@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from sixflow.errors import InputError
 
-REACH = 2
+REACH = 3
+"""px: half the taps of a quintic spline, which a pixel of the moved frame is interpolated from."""
 _ALL_AROUND = np.ones((3, 3), np.bool_)
 
 
