@@ -86,10 +86,18 @@ class Body:
             lit = dataclasses.replace(self, plan=self.plan.replace(lighting=lighting), undecided=False)
             if lighting == "none" or not found.failed.any():
                 return lit._finished(lit._refined(found), guessed=guess is not None)
-            return lit.measure(start, guess)  # points may have failed in the light that was seen as steady
+            # points may have failed in the light that was seen as steady
+            return lit.measure(self._from(found) if found.share_failed < 1 else start, guess)
         if self.light is not None or not self.plan.is_searched:
             found = self._refined(found)
         return self._finished(found, guessed=guess is not None)
+
+    def _from(self, found: Solution) -> Start:
+        """What a search has found, as a start."""
+        maps = extrapolated(found, self.grid)
+        if self.plan.share:
+            maps = placed(maps, self.grid, self.plan.share)
+        return Start(maps, None, ~found.failed)
 
     def _finished(self, found: Solution, *, guessed: bool) -> Solution:
         """Look at what was refined as a whole: other motions that fit, edges, the way back, points that stand alone."""
