@@ -9,7 +9,16 @@ import naive
 from sixflow import measure
 from sixflow.convention.flags import FAILING, FLAGS
 from sixflow.convention.reference import SHARE
-from sixflow.engine.evidence import DIRECTIONS, Compared, Cost, cost_strip, differing_strip, gain_strip
+from sixflow.engine.evidence import (
+    DIRECTIONS,
+    Compared,
+    Cost,
+    Other,
+    cost_strip,
+    differing_strip,
+    gain_strip,
+    out_strip,
+)
 from sixflow.engine.interpolate import Interpolant
 from sixflow.engine.spline import noise_variance
 from sixflow.engine.window import attenuation_period, window_sigma
@@ -114,7 +123,7 @@ def test_what_another_motion_saves(reference):
     before, after = (Interpolant(frame.coefficients(5), EVERYWHERE, each) for frame in frames)
     out, told = np.zeros((2, *SHAPE))
     gain_strip(
-        Compared(images[0], before, after, share), own, maps, wanted, light, GRID.origin_and_step, 6,
+        Compared(images[0], before, after, share), own, Other(maps, light, GRID.origin_and_step, 6), wanted,
         0, GRID.rows, out, told,
     )  # fmt: skip
     assert not out[: GRID.y[3] - STEP // 2].any()
@@ -140,15 +149,38 @@ def test_what_another_motion_saves(reference):
         np.testing.assert_allclose(told[cell], apart, rtol=1e-6, atol=1e-6)
 
 
+def test_motions_that_cost_a_cell_more_are_out():
+    """Two rows of 8 pixels: out where they cost C more, as the sums over the whole cell's rows say."""
+    frames, maps = halves()
+    own = Cost(np.full(SHAPE, 0.5), np.full(SHAPE, 2 * NOISE**2), np.zeros(SHAPE), np.zeros(SHAPE), 9.2)
+    each, none = noise_variance(5, 0.0), np.empty((0, 0))
+    compared = Compared(
+        frames[0].image,
+        Interpolant(none, EVERYWHERE, each),
+        Interpolant(frames[1].coefficients(5), EVERYWHERE, each),
+        0.0,
+    )
+    for motion, stays in ((maps, True), (-maps, False)):
+        other, tried = Other(motion, np.empty((0, 0, 2)), GRID.origin_and_step, 6), np.ones(GRID.shape, bool)
+        out_strip(compared, own, other, 0, GRID.rows, tried)
+        inner = tried[1:-1, 1:-1][:, AWAY[1:-1]]
+        assert inner.mean() > 0.99 if stays else inner.mean() < 0.05
+        saved, told = np.zeros((2, *SHAPE))
+        gain_strip(compared, own, other, np.ones(GRID.shape, bool), 0, GRID.rows, saved, told)
+        columns = GRID.x[1:-1, None] + np.arange(-STEP // 2, STEP // 2)
+        both = sum(saved[GRID.y[1:-1] + below][:, columns].sum(axis=-1) for below in (-2, 1))
+        np.testing.assert_array_equal(tried[1:-1, 1:-1], -both < 9.2)
+
+
 def test_who_differs():
     """Neighbours that predict another motion, by more than a limit of both errors."""
     random = np.random.default_rng(3)
     maps = random.normal(0, 0.1, (6, *GRID.shape)) * np.array([1, 1, *[0.01] * 4])[:, None, None]
     variances = np.broadcast_to(np.array([1e-3, 2e-3, *[1e-7] * 4])[:, None, None], maps.shape).copy()
     asked, judged = random.random(GRID.shape) < 0.8, random.random(GRID.shape) < 0.9
-    reach = random.integers(1, 4, (1, *GRID.shape))
+    reach, bend = random.integers(1, 4, (1, *GRID.shape)), random.uniform(0, 0.1, GRID.shape)
     found = np.zeros((8, *GRID.shape), bool)
-    differing_strip(maps, variances, asked, judged, reach, STEP, 2.0, 0, GRID.rows, found)
+    differing_strip(maps, variances, bend, asked, judged, reach, STEP, 2.0, 0, GRID.rows, found)
     expected = np.zeros_like(found)
     for j, i in np.argwhere(judged):
         for n, (column, row) in enumerate(DIRECTIONS):
@@ -158,7 +190,7 @@ def test_who_differs():
                 G, V = maps[2:, y, x].reshape(2, 2), variances[2:, y, x].reshape(2, 2)
                 apart = maps[:2, y, x] - G @ h - maps[:2, j, i]
                 error = np.sqrt(variances[:2, j, i] + variances[:2, y, x] + V @ h**2)
-                expected[n, j, i] = (np.abs(apart) > 2 * error).any()
+                expected[n, j, i] = (np.abs(apart) > bend[j, i] + 2 * error).any()
     assert expected.any()
     assert not expected[:, judged].all()
     np.testing.assert_array_equal(found, expected)

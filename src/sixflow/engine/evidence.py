@@ -69,6 +69,26 @@ class Cost(NamedTuple):
     most: float
 
 
+class Other(NamedTuple):
+    """Another motion about the points of a grid, and how it is compared.
+
+    Attributes
+    ----------
+    maps : array, shape (6, rows, columns)
+    light : array, shape (rows, columns, 2), or of size 0
+        Gain and offset.
+    grid : (int, int, int)
+        x0, y0, step.
+    taps : int
+        Of the splines, along one axis.
+    """
+
+    maps: NDArray[Any]
+    light: NDArray[Any]
+    grid: tuple[int, int, int]
+    taps: int
+
+
 @kernel
 def _nearest(place: int, first: int, step: int, count: int) -> int:
     """Grid row or column that a pixel row or column is nearest to."""
@@ -113,7 +133,7 @@ def cost_strip(
 
 @kernel
 def differing_strip(
-    maps: NDArray[Any], variances: NDArray[Any], asked: NDArray[Any], judged: NDArray[Any],
+    maps: NDArray[Any], variances: NDArray[Any], bend: NDArray[Any], asked: NDArray[Any], judged: NDArray[Any],
     reach: NDArray[Any], step: int, limit: float, start: int, stop: int, found: NDArray[Any],
 ) -> None:  # fmt: skip
     """Which neighbours predict another motion for the points of grid rows start … stop.
@@ -121,6 +141,8 @@ def differing_strip(
     Parameters
     ----------
     maps, variances : arrays, shape (6, rows, columns)
+    bend : array, shape (rows, columns)
+        By how much curvature makes neighbours mispredict a point, px.
     asked, judged : bool arrays of the same shape
         Whose motion is told, and to whom.
     reach : int array, shape (rings, rows, columns)
@@ -145,7 +167,7 @@ def differing_strip(
                     for c in range(2):
                         gx, gy = 2 + 2 * c, 3 + 2 * c
                         told = maps[c, y, x] - hx * maps[gx, y, x] - hy * maps[gy, y, x]
-                        beyond = told - maps[c, j, i]
+                        beyond = max(abs(told - maps[c, j, i]) - bend[j, i], 0.0)
                         if beyond * beyond > limit * limit * variances[c, j, i]:
                             variance = variances[c, j, i] + variances[c, y, x]
                             variance += hx * hx * variances[gx, y, x] + hy * hy * variances[gy, y, x]
@@ -190,9 +212,35 @@ def _compare(
 
 
 @kernel
+def _other_row(
+    frames: Compared, other: Other, j: int, i: int, y: int, scratch: NDArray[Any], line: NDArray[Any]
+) -> tuple[int, int]:
+    """Residuals of the other motion in row y of a point's cell into `line`; its first column, and how many."""
+    x0, y0, step = other.grid
+    first, below, motion = x0 + i * step - step // 2, y - (y0 + j * step), np.empty(6)
+    left, right = max(first, 0), min(first + step, frames.still.shape[1])
+    tone = (1.0, 0.0)
+    if other.light.size:
+        tone = (float(other.light[j, i, 0]), float(other.light[j, i, 1]))
+    for c in range(2):
+        motion[c] = other.maps[c, j, i] + other.maps[3 + 2 * c, j, i] * below
+        motion[2 + 2 * c] = other.maps[2 + 2 * c, j, i]
+    count = right - left
+    _compare(frames, motion, tone, (left, y, left - (x0 + i * step)), scratch[:, :count], line[:count])
+    return left, count
+
+
+@kernel
+def _rows_of(other: Other, j: int, height: int) -> tuple[int, int]:
+    """First and last (exclusive) row of the cells of a grid row."""
+    top = other.grid[1] + j * other.grid[2] - other.grid[2] // 2
+    return max(top, 0), min(top + other.grid[2], height)
+
+
+@kernel
 def gain_strip(
-    frames: Compared, own: Cost, maps: NDArray[Any], wanted: NDArray[Any], light: NDArray[Any],
-    grid: tuple[int, int, int], taps: int, start: int, stop: int, saved: NDArray[Any], told: NDArray[Any],
+    frames: Compared, own: Cost, other: Other, wanted: NDArray[Any], start: int, stop: int, saved: NDArray[Any],
+    told: NDArray[Any],
 ) -> None:  # fmt: skip
     """What other motions save the pixels, and t; grid rows start … stop.
 
@@ -202,40 +250,20 @@ def gain_strip(
     ----------
     frames : Compared
     own : Cost
-    maps : array, shape (6, rows, columns)
-        The other motion about every point.
+    other : Other
     wanted : bool array, shape (rows, columns)
         Points whose cells, the pixels nearest to them, are compared.
-    light : array, shape (rows, columns, 2), or of size 0
-        Gain and offset.
-    grid : (int, int, int)
-    taps : int
-        Of the splines, along one axis.
     saved, told : arrays, shape (height, width)
         Receive both in the cells that are wanted, but where a pixel has no partner.
     """
-    (x0, y0, step), columns = grid, wanted.shape[1]
-    height, width = own.cost.shape
-    scratch, motion = np.empty((5 + scratch_rows(taps), step)), np.empty(6)
-    line = np.empty(step)
+    scratch, line = np.empty((5 + scratch_rows(other.taps), other.grid[2])), np.empty(other.grid[2])
     for j in range(start, stop):
-        for i in range(columns):
+        top, bottom = _rows_of(other, j, own.cost.shape[0])
+        for i in range(wanted.shape[1]):
             if not wanted[j, i]:
                 continue
-            left, right = max(x0 + i * step - step // 2, 0), min(x0 + i * step - step // 2 + step, width)
-            top, bottom = max(y0 + j * step - step // 2, 0), min(y0 + j * step - step // 2 + step, height)
-            count = right - left
-            tone = (1.0, 0.0)
-            if light.size:
-                tone = (float(light[j, i, 0]), float(light[j, i, 1]))
             for y in range(top, bottom):
-                below = y - (y0 + j * step)
-                for c in range(2):
-                    motion[c] = maps[c, j, i] + maps[3 + 2 * c, j, i] * below
-                    motion[2 + 2 * c] = maps[2 + 2 * c, j, i]
-                _compare(
-                    frames, motion, tone, (left, y, left - (x0 + i * step)), scratch[:, :count], line[:count]
-                )
+                left, count = _other_row(frames, other, j, i, y, scratch, line)
                 for a in range(count):
                     power, r = own.power[y, left + a], line[a]
                     if power > 0 and r == r:
@@ -243,3 +271,37 @@ def gain_strip(
                         saved[y, left + a] = own_cost - min(r * r / (2 * power), own.most)
                         apart = r - own.residual[y, left + a]
                         told[y, left + a] = min(apart * apart / (2 * power), own.most)
+
+
+@kernel
+def out_strip(
+    frames: Compared, own: Cost, other: Other, start: int, stop: int, tried: NDArray[Any]
+) -> None:  # fmt: skip
+    """Take out, of the points of grid rows start … stop that are tried, those whose cells cost
+    the other motion more.
+
+    Two rows of the cell, a quarter from its top and from its bottom, are enough where they cost C more (Wald).
+
+    Parameters
+    ----------
+    frames : Compared
+    own : Cost
+    other : Other
+    tried : bool array, shape (rows, columns)
+        Written.
+    """
+    scratch, line = np.empty((5 + scratch_rows(other.taps), other.grid[2])), np.empty(other.grid[2])
+    for j in range(start, stop):
+        top, bottom = _rows_of(other, j, own.cost.shape[0])
+        for i in range(tried.shape[1]):
+            if not tried[j, i]:
+                continue
+            more, quarter = 0.0, (bottom - top) // 4
+            for y in (top + quarter, bottom - 1 - quarter):
+                left, count = _other_row(frames, other, j, i, y, scratch, line)
+                for a in range(count):
+                    power, r = own.power[y, left + a], line[a]
+                    if power > 0 and r == r:
+                        own_cost = own.cost[y, left + a] - own.explained[y, left + a]
+                        more += min(r * r / (2 * power), own.most) - own_cost
+            tried[j, i] = more < own.most

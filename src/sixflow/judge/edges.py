@@ -6,7 +6,8 @@ They are asked in discs with weights w = exp(−|x − p|²/2s²), of s = σ/2 a
 standard deviation of the point's window. A pixel costs a motion c(r) = min(r²/2s², C) nats (`engine.evidence`).
 
 *Refuted.* A neighbour one window away in any of eight directions predicts M_n for the point, with a gradient as far as
-noise lets it be told. Where that differs from the point's own motion by more than both errors allow, its motion saves
+noise lets it be told. Where that differs from the point's own motion by more than both errors and curvature
+(`maps.neighbours`) allow, its motion saves
 
     L = N ⟨c(r_p) − c(r_n)⟩,     ⟨ ⟩ = Σ w …/Σ w,     N = (Σ w)²/Σ w² = 4πs²
 
@@ -46,7 +47,16 @@ from numpy.typing import NDArray
 
 from sixflow.chance import evidence_limit, normal_limit
 from sixflow.convention.flags import FAILING, FLAGS
-from sixflow.engine.evidence import DIRECTIONS, Compared, Cost, cost_strip, differing_strip, gain_strip
+from sixflow.engine.evidence import (
+    DIRECTIONS,
+    Compared,
+    Cost,
+    Other,
+    cost_strip,
+    differing_strip,
+    gain_strip,
+    out_strip,
+)
 from sixflow.engine.interpolate import Interpolant
 from sixflow.engine.scales import LEAST_MISFIT, OF_CONTRAST, local_contrast
 from sixflow.engine.spline import noise_variance
@@ -55,7 +65,7 @@ from sixflow.engine.window import window_sigma
 from sixflow.judge.contradiction import gradient_variances
 from sixflow.judge.usual import Usual, disc_of, percentiles
 from sixflow.maps.grid import Grid
-from sixflow.maps.neighbours import fill_failed
+from sixflow.maps.neighbours import curvature, fill_failed
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
 from sixflow.refine.solution import Solution
@@ -150,11 +160,12 @@ def _differing(
 ) -> NDArray[np.bool_]:
     """Which neighbours predict another motion for a point; shape (8 · rings, rows, columns)."""
     reach, count = _reach(found, grid), len(DIRECTIONS) * len(DISTANCES)
-    limit = normal_limit(2 * count)
+    limit, far = normal_limit(2 * count), float(np.median(found.window[judged]))
+    bend = curvature(np.where(asked, found.maps, np.nan), grid.step, 2 * far)
     out = np.zeros((count, *grid.shape), np.bool_)
     over_strips(
         lambda a, b: differing_strip(
-            told.maps, told.variances, asked, judged, reach, grid.step, limit, a, b, out
+            told.maps, told.variances, bend, asked, judged, reach, grid.step, limit, a, b, out
         ),
         grid.rows,
         4 * _STRIP,
@@ -280,21 +291,26 @@ class _Pixels:
             if not those.any():
                 continue
             maps, known = self._told_from(n, told, reach)
-            wanted = known & np.asarray(scipy.ndimage.maximum_filter(those, around))
-            images.fill(0)
-            # fmt: off
+            other, tried = Other(maps, light, self.grid.origin_and_step, self.taps), those & known
             over_strips(
-                lambda a, b, maps=maps, wanted=wanted: gain_strip(  # type: ignore[misc]
-                    self.frames, self.own, maps, wanted, light, self.grid.origin_and_step, self.taps, a, b,
-                    images[0], images[1],
+                lambda a, b, other=other, tried=tried: out_strip(self.frames, self.own, other, a, b, tried),  # type: ignore[misc]
+                self.grid.rows,
+                _STRIP,
+            )
+            if not tried.any():
+                continue
+            wanted = known & np.asarray(scipy.ndimage.maximum_filter(tried, around))
+            images.fill(0)
+            over_strips(
+                lambda a, b, other=other, wanted=wanted: gain_strip(  # type: ignore[misc]
+                    self.frames, self.own, other, wanted, a, b, images[0], images[1]
                 ),
                 self.grid.rows,
                 _STRIP,
             )
-            # fmt: on
             independent = _independent(maps[:2] - self.found.maps[:2])
             for k, one in enumerate(sizes):
-                here = those & (level == k)
+                here = tried & (level == k)
                 for size in {one, max(one / 2, LEAST_DISC)} if here.any() else ():
                     pixels = 4 * math.pi * size**2
                     sums = image_sums((images[0], images[1]), self.grid, size)
