@@ -164,7 +164,8 @@ def test_motions_that_cost_a_cell_more_are_out():
         other, tried = Other(motion, np.empty((0, 0, 2)), GRID.origin_and_step, 6), np.ones(GRID.shape, bool)
         out_strip(compared, own, other, 0, GRID.rows, tried)
         inner = tried[1:-1, 1:-1][:, AWAY[1:-1]]
-        assert inner.mean() > 0.99 if stays else inner.mean() < 0.05
+        # χ² of 16 pixels exceeds 16 + 2 C once in 200
+        assert inner.mean() > 0.975 if stays else inner.mean() < 0.05
         saved, told = np.zeros((2, *SHAPE))
         gain_strip(compared, own, other, np.ones(GRID.shape, bool), 0, GRID.rows, saved, told)
         columns = GRID.x[1:-1, None] + np.arange(-STEP // 2, STEP // 2)
