@@ -1,0 +1,1 @@
+"""Parts of benchmarks/honest.py: pairs with truth, pairs without, plain correlation, measures."""
