@@ -31,6 +31,7 @@ from honesty.real import real
 from honesty.scenes import Maker, public, synthetic
 from honesty.unrelated import unrelated
 from public import VARIABLE, settings_column
+from public_cases.case import CaseError
 from sixflow.cli.warm_up import warm_up
 
 console = Console(width=170)
@@ -86,6 +87,14 @@ def by_chance(cases: Iterator[tuple[str, Maker]], options: dict[str, Any]) -> No
     show("Unrelated frames", ("frames", "points", "given of 10⁴", "unflagged of 10⁴", "s/Mpx"), cells)
 
 
+def _window(text: str) -> float | str:
+    """A window of the command line."""
+    try:
+        return text if text == "auto" else float(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: a number of pixels, or auto") from error
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -93,19 +102,30 @@ def main() -> None:
     parser.add_argument(
         "names", nargs="*", metavar="name", help="beginnings of the names of cases; all if none"
     )
-    parser.add_argument("--window", help="window, px, or auto; the default if not given")
+    parser.add_argument("--window", type=_window, help="window, px, or auto; the default if not given")
     parser.add_argument("--set", dest="settings", type=settings_column, metavar="SETTINGS",
                         help="further settings, such as sharpen=2,step=4")  # fmt: skip
     parser.add_argument("--limit", type=int, help="at most so many members of each kind")
     parser.add_argument("--cases", action="store_true", help="a row for each case, none added up")
     arguments = parser.parse_args()
     options: dict[str, Any] = dict(arguments.settings[1]) if arguments.settings else {}
-    if arguments.window:
-        options["window"] = arguments.window if arguments.window == "auto" else float(arguments.window)
+    if arguments.window is not None:
+        options["window"] = arguments.window
     folder = os.environ.get(VARIABLE, "")
     console.print(
         f"sixflow {sixflow.__version__}, settings: {options or 'default'}; public cases: {folder or 'none'}"
     )
+    try:
+        of_folder = [*public(folder)] if folder else []
+    except CaseError as error:
+        parser.error(str(error))
+    real_pairs = [*real(folder)] if folder else []
+    every = [name for name, _ in (*synthetic(), *of_folder, *unrelated(), *real_pairs)]
+    for name in arguments.names:
+        if not any(case.startswith(name) for case in every):
+            parser.error(
+                f"no case begins with {name!r}; there are {', '.join(sorted({n.partition('/')[0] for n in every}))}"
+            )
     warm_up(quiet=True)
     measure(dict(synthetic())["vortex/0.5/1"](), options)  # no case pays for compiling and loading
 
@@ -113,12 +133,10 @@ def main() -> None:
         return chosen(cases, arguments.names, arguments.limit)
 
     with_truth(pick(synthetic()), options, arguments.cases)
-    if folder:
-        with_truth(pick(public(folder)), options, arguments.cases)
+    with_truth(pick(iter(of_folder)), options, arguments.cases)
     by_chance(pick(unrelated()), options)
-    if folder:
-        rows = [[name, *beside_correlation(make(), options)] for name, make in pick(real(folder))]
-        show("Real particle pairs", REAL_HEADER, rows)
+    rows = [[name, *beside_correlation(make(), options)] for name, make in pick(iter(real_pairs))]
+    show("Real particle pairs", REAL_HEADER, rows)
 
 
 if __name__ == "__main__":

@@ -96,7 +96,7 @@ def _median_test(found: Array) -> NDArray[np.bool_]:
         ]
     )
     known = np.isfinite(around).all(axis=-1).sum(axis=0) >= 3
-    safe = np.where(known[..., None], np.nan_to_num(around, nan=np.nan), 0.0)
+    safe = np.where(known[..., None], around, 0.0)
     middle = np.nanmedian(safe, axis=0)
     usual = np.nanmedian(np.abs(safe - middle), axis=0)
     with np.errstate(invalid="ignore"):

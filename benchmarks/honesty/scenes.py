@@ -7,7 +7,6 @@ the affine cases of a set; every other public case has its own row.
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from public_cases.case import CaseError, find_cases, name_of, read_case
+from public_cases.case import find_cases, name_of, read_case
 from sixflow import synth
 from sixflow.convention import SIX_FROM_GRADIENT
 
@@ -129,16 +128,10 @@ def synthetic() -> Iterator[tuple[str, Maker]]:
 
 
 def public(folder: str) -> Iterator[tuple[str, Maker]]:
-    """Names of the cases of a folder, and what reads them; none if it holds none."""
+    """Names of the cases of a folder, and what reads them; `CaseError` if it holds none."""
     root = Path(folder)
-    try:
-        found = find_cases(folder)
-    except CaseError:
-        return
-    for path in found:
-        name = name_of(path, root)
-        affine = "affine" in json.loads((path / "case.json").read_text(encoding="utf-8"))
-        yield name if affine else f"{name}/pair", lambda path=path: _read(path, root)
+    for path in find_cases(folder):
+        yield name_of(path, root), lambda path=path: _read(path, root)
 
 
 def _read(path: Path, root: Path) -> Scene:
