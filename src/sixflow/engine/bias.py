@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 from sixflow.engine.compiler import kernel
 
 PLANES = 15
+LEAST_SQUARE = 1e-3
+"""Of d² over its variance, in logarithms."""
 LEAST_VARIANCE = 1e-14
 """Of frames without noise: 1/V² stays a number."""
 
@@ -91,18 +93,31 @@ def smooth_strip(planes: NDArray[Any], half: NDArray[Any], start: int, stop: int
 
 
 @kernel
+def log_strip(planes: NDArray[Any], law: NDArray[Any], start: int, stop: int, out: NDArray[Any]) -> None:
+    """Of the planes of a band 1, and ln of the mean of d²/f V of u and v, and of the other four, rows start … stop."""
+    for j in range(start, stop):
+        for i in range(planes.shape[1]):
+            plane = planes[j, i]
+            out[j, i, 0] = plane[0]
+            translation = (plane[1] + plane[2]) / (2 * law[0, 0])
+            gradient = (plane[3] + plane[4] + plane[5] + plane[6]) / (4 * law[1, 0])
+            out[j, i, 1] = plane[0] * math.log(max(translation, LEAST_SQUARE))
+            out[j, i, 2] = plane[0] * math.log(max(gradient, LEAST_SQUARE))
+
+
+@kernel
 def energy_strip(
-    band: tuple[Any, Any, Any], above: NDArray[Any], cut: NDArray[Any], law: NDArray[Any], start: int, stop: int,
+    band: tuple[Any, Any, Any, Any], above: NDArray[Any], cut: NDArray[Any], law: NDArray[Any], start: int, stop: int,
     noise: NDArray[Any], energy: NDArray[Any],
 ) -> None:  # fmt: skip
     """N and E of a band from its planes, the same smoothed, and E of the next coarser band, rows start … stop.
 
-    `band` is the planes, their sums under K, and an array for K V; N is the greater of f K V and f V. `law` has a row
-    for the displacement and one for the gradient: f, the square of what chance adds to 1, over z², the share of the
-    coarser band's E that is expected, its factor where the window is cut, z, and z there; `above` is 0 for the first
-    band.
+    `band` is the planes, their sums under K, those of `log_strip` under k, and an array for K V; N is the greater of
+    f K V and f V. `law` has a row for the displacement and one for the gradient: f, the square of what chance adds to 1,
+    over z², the share of the coarser band's E that is expected, its factor where the window is cut, z, z there, and
+    the most that chance takes from a mean logarithm under k; `above` is 0 for the first band.
     """
-    planes, sums, mean = band
+    planes, sums, near, mean = band
     for j in range(start, stop):
         for i in range(cut.shape[1]):
             total = sums[j, i, 0]
@@ -132,6 +147,9 @@ def energy_strip(
                         part = max(0.0, 1 - z * z * doubt / (found * found))
                     if coarser > 0:
                         part = max(part, coarser * coarser / (coarser * coarser + doubt))
+                most = math.inf
+                if near[j, i, 0] > 1e-6:
+                    most = math.exp(near[j, i, 1 + kind] / near[j, i, 0] + law[kind, 6]) - 1
                 for k in range(first, last):
                     expected = share * above[j, i, k]
                     if known:
@@ -139,6 +157,7 @@ def energy_strip(
                         expected = max(0.0, expected + part * gap)
                         if planes[j, i, 0] > 0:
                             noise[j, i, k] = max(noise[j, i, k], f / planes[j, i, 7 + k])
+                        expected = min(expected, max(0.0, most * noise[j, i, k]))
                     energy[j, i, k] = expected
 
 

@@ -56,8 +56,8 @@ class PairBodies:
         Whether there is a mask for each frame.
     guess : array, shape (6, rows, columns), or None
         A user's first guess, at points of frame 0.
-    undecided : bool
-        Whether what was matched decides about the lighting.
+    changed : bool, optional
+        As in `Body`.
     """
 
     reference: Prepared
@@ -65,7 +65,7 @@ class PairBodies:
     plan: Plan
     masks_move: bool = False
     guess: NDArray[np.float64] | None = None
-    undecided: bool = False
+    changed: bool | None = None
 
     def measure(self, start: Start | None) -> Solution:
         """Measure every body; where there is one only, all that the mask leaves.
@@ -147,11 +147,11 @@ class PairBodies:
             known = None if known is None else known.backwards()
             guess = None if guess is None else -placed(guess, grid, 1.0)
             backwards = plan.replace(reference="first")
-            body = Body(moved, still, moved, grid, backwards, light, self.undecided)
+            body = Body(moved, still, moved, grid, backwards, light, self.changed)
             found = body.measure(known, guess)
             found = found.replace(maps=-found.maps)
         else:
-            body = Body(still, moved, asked, grid, plan, light, self.undecided)
+            body = Body(still, moved, asked, grid, plan, light, self.changed)
             found = body.measure(known, guess)
         masked = masked_points(found.maps, grid, asked.valid, plan.reference)
         return found.replace(flag=np.where(masked, FLAGS["masked"], found.flag).astype(np.uint16))

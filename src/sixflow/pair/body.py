@@ -35,7 +35,7 @@ from sixflow.refine.resolution import choose
 from sixflow.refine.solution import Solution
 from sixflow.search.growth import Scene, extrapolated
 from sixflow.search.pyramid import finer
-from sixflow.search.stage import find_motion
+from sixflow.search.stage import MOSTLY_LOST, find_motion
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,8 +54,9 @@ class Body:
         not "auto".
     light : BodyLight, optional
         What divides out the local light of the body in frame 1, where the motion carries it.
-    undecided : bool
-        Whether what was matched decides about the lighting; else it is as the plan says.
+    changed : bool, optional
+        Whether the light seems to have changed, before the motion is known; what is matched decides about the lighting
+        then. Not given: it is as the plan says.
     """
 
     still: Frame
@@ -64,7 +65,7 @@ class Body:
     grid: Grid
     plan: Plan
     light: BodyLight | None = None
-    undecided: bool = False
+    changed: bool | None = None
 
     def measure(self, start: Start | None = None, guess: NDArray[np.float64] | None = None) -> Solution:
         """Search, refine and judge.
@@ -81,13 +82,12 @@ class Body:
         if times > 1 and self.light is None:
             return self._on_finer_grid(times, start, guess)
         found = self._found(start, guess)
-        lighting = self._lighting(found) if self.undecided else self.plan.lighting
-        if lighting != self.plan.lighting:
-            lit = dataclasses.replace(self, plan=self.plan.replace(lighting=lighting), undecided=False)
-            if lighting == "none" or not found.failed.any():
+        if self.changed is not None and self._lighting(found) != "none":
+            lit = dataclasses.replace(self, plan=self.plan.replace(lighting="gain+offset"), changed=None)
+            if not found.failed.any():
                 return lit._finished(lit._refined(found), guessed=guess is not None)
             # points may have failed in the light that was seen as steady
-            return lit.measure(self._from(found) if found.share_failed < 1 else start, guess)
+            return lit.measure(self._from(found) if found.share_failed < MOSTLY_LOST else start, guess)
         if self.light is not None or not self.plan.is_searched:
             found = self._refined(found)
         return self._finished(found, guessed=guess is not None)
@@ -119,12 +119,12 @@ class Body:
             guess = finer(guess, self.grid, grid, 1)
         return dataclasses.replace(self, grid=grid).measure(start, guess).sampled(*places)
 
-    def _lighting(self, found: Solution) -> Literal["auto", "none", "gain+offset", "local"]:
-        """What the tiles that the search matched show of the light; what the plan says where none was."""
+    def _lighting(self, found: Solution) -> Literal["none", "gain+offset"]:
+        """What the tiles that the search matched show of the light; how it seemed where they are few."""
         known = np.where(found.failed, np.nan, found.maps)
         tiles = Tiles.matched(self.still, self.moved, self.grid, known)
-        if not tiles.count:
-            return self.plan.lighting
+        if not tiles.count or found.share_failed > MOSTLY_LOST:
+            return "gain+offset" if self.changed else "none"
         noise = float(np.median(found.statistics.noise[~found.failed]))
         changed = Change.between(tiles).matters(tiles, noise, self.plan.window.sigma)
         return "gain+offset" if changed else "none"

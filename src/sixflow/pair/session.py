@@ -168,8 +168,9 @@ class Session:
         undecided = asked.lighting == "auto" and asked.method != "eigenfilter"
         plan = self.plan
         if asked.lighting == "auto":
-            plan = plan.replace(lighting="gain+offset" if undecided and pair.change.seen else "none")
-        bodies = PairBodies(pair.reference, pair.moved, plan, moving, self.guess_maps, undecided)
+            plan = plan.replace(lighting="none")
+        changed = pair.change.seen if undecided else None
+        bodies = PairBodies(pair.reference, pair.moved, plan, moving, self.guess_maps, changed)
         found = bodies.measure(start)  # search, refine, judge
         notes = (*self._notes_of_masks(reference, moved), *reference.notes, *moved.notes)
         found, seen = seen_of_camera(pair, found, plan, asked, numbers, self.grey.scale)

@@ -25,6 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sixflow.engine.scales import NORMAL
+from sixflow.engine.weigh import FULL
 from sixflow.maps.grid import Grid
 from sixflow.prepare.frame import Frame
 
@@ -49,6 +51,8 @@ class Tiles:
         What whole pixels leave of (u, v).
     pixels : float32 array, shape (2, tiles, SIDE, SIDE)
         Of both frames.
+    moved : bool
+        Whether they were brought together by a motion.
     """
 
     x: NDArray[Any]
@@ -56,6 +60,7 @@ class Tiles:
     maps: NDArray[np.float64]
     rest: NDArray[np.float64]
     pixels: NDArray[np.float32]
+    moved: bool = False
 
     @classmethod
     def matched(
@@ -100,7 +105,7 @@ class Tiles:
                 pixels[k] = _cut(frame.image, left[valid], top[valid])
         whole = np.stack([corners[1][axis] - corners[0][axis] for axis in (0, 1)], axis=-1)
         rest = some[:2].T - whole
-        return cls(x[valid], y[valid], some[:, valid], rest[valid], pixels)
+        return cls(x[valid], y[valid], some[:, valid], rest[valid], pixels, maps is not None)
 
     @property
     def count(self) -> int:
@@ -126,15 +131,29 @@ class Tiles:
 
     @cached_property
     def light(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Mean and standard deviation of both frames' tiles under their tapers; shape (2, tiles) each."""
+        """Mean and standard deviation of both frames' tiles under their tapers; shape (2, tiles) each.
+
+        Pixels that one frame alone shows say nothing of light: of tiles that a motion brought together, those whose
+        difference stands out (`engine.weigh.FULL`) count in neither.
+        """
         across, down = self.tapers
         weight = (down[..., :, None] * across[..., None, :]).reshape(2, self.count, SIDE**2)
+        if self.moved:
+            weight = weight * self._alike
+            weight /= weight.sum(axis=-1, keepdims=True)
         pixels = self.pixels.reshape(weight.shape)
         level = pixels[:, :, ::SIDE].mean(axis=-1)  # so that single precision does for squares
         centred = pixels - level[..., None]
         mean, square = (np.einsum("ftp,ftp->ft", weight, each) for each in (centred, centred * centred))
         contrast = np.sqrt(np.maximum(square - mean**2, 0))
         return (mean + level).astype(np.float64), contrast.astype(np.float64)
+
+    @property
+    def _alike(self) -> NDArray[np.bool_]:
+        """Pixels whose difference does not stand out of those of their tile; shape (tiles, SIDE²)."""
+        difference = (self.pixels[1] - self.pixels[0]).reshape(self.count, SIDE**2)
+        off = np.abs(difference - np.median(difference, axis=-1, keepdims=True))
+        return np.asarray(off <= FULL * NORMAL * np.median(off, axis=-1, keepdims=True))
 
     @property
     def steepness(self) -> NDArray[np.float64]:

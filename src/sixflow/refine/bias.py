@@ -24,6 +24,14 @@ w = E_{i+1}²/(E_{i+1}² + doubt²): a band may well differ from what is expecte
 first band has no coarser: E = 0 is expected. It is what noise hides least, and all the others are hidden behind it:
 there z = 1. Components of a kind are judged together.
 
+K spreads over four windows, and one discontinuity, or anything foreign, that far away makes E what it is not here.
+But E + N is not more than the differences about the point allow: with k the mean under a Gaussian as wide as the
+window, of logarithms, which nothing single rules,
+
+    ln (E + N) < k ln d² − x',    x' = ψ(n/2) − ln n/2 − z √(ψ′(n/2)/m)
+
+for n components and m independent values under k; chance makes it more as rarely as `RARE` says.
+
 **At the point** the band is between 0 and d: given E and N, it is d E/(E + N), with variance v = E N/(E + N) (Wiener).
 Bands overlap, and a wave lies in several at once. With the correlation c_m between two that are m half-octaves apart,
 for a spectrum that is even over an octave,
@@ -58,7 +66,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.chance import normal_limit
-from sixflow.engine.bias import PLANES, difference_strip, energy_strip, left_out_strip, smooth_strip
+from sixflow.engine.bias import (
+    PLANES,
+    difference_strip,
+    energy_strip,
+    left_out_strip,
+    log_strip,
+    smooth_strip,
+)
 from sixflow.engine.response import response
 from sixflow.engine.threads import over_strips
 from sixflow.maps.grid import Grid
@@ -68,6 +83,12 @@ from sixflow.refine.solution import Solution
 SPREAD = 2.0
 """Standard deviation of K in those of the coarser window, or in steps of the grid where that is more: K spreads over
 four such windows, and holds 50 points, whose mean square chance moves by a fifth."""
+NEAR = 1.0
+"""The same of k."""
+RARE = 1.0
+"""z of the least that chance makes of a mean under k."""
+LOGARITHM = {2: (-0.5772, 1.6449), 4: (-0.2704, 0.6449)}
+"""Mean and variance of ln(χ²/n) by its degrees of freedom n: ψ(n/2) − ln(n/2) and ψ′(n/2)."""
 SHARES = (0.5, 1.0)
 """Energy of a band over that of the next coarser, of displacement and gradient, where nothing more is seen: that of
 kinks, and of two-dimensional turbulence, whose spectra fall by k⁻² per octave."""
@@ -158,8 +179,11 @@ def bands_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) ->
             known,
             out=(differences[b], planes),
         )
-        band = planes, _smooth(planes, windows[b + 1], grid), noise[b]
         law = law_of(windows[b], windows[b + 1], grid.step, top=top)
+        logarithms = np.empty((*grid.shape, 3), np.float32)
+        _over(grid, log_strip, planes, law, out=(logarithms,))
+        near = _smooth(logarithms, windows[b + 1], grid, NEAR)
+        band = planes, _smooth(planes, windows[b + 1], grid, SPREAD), near, noise[b]
         _over(grid, energy_strip, band, above, _is_cut(coarse), law, out=(noises[b], energies[b]))
         above = energies[b]
     for b, (level, window) in enumerate(zip(levels, windows, strict=True)):
@@ -202,20 +226,22 @@ def _variances(level: Solution, window: Window) -> Array:
 
 @cache
 def law_of(fine: Window, coarse: Window, step: int, *, top: bool) -> NDArray[np.float64]:
-    """What `energy_strip` needs to know of a band, for displacement and gradient; shape (2, 6)."""
-    ratio, reach = coarse.size / fine.size, SPREAD * max(coarse.sigma, step)
+    """What `energy_strip` needs to know of a band, for displacement and gradient; shape (2, 7)."""
+    ratio, reach = coarse.size / fine.size, max(coarse.sigma, step)
     law, limit = [], normal_limit()
     for kind, components in enumerate((2, 4)):
         f, squared = difference_noise(ratio, fine.sharpen)[kind]
         # noise of mean square wave number k² has (ΔΔ)² ≈ exp(−r² k²/2); there are no more values than grid points
-        independent = min(1 + 2 * reach**2 * squared / fine.sigma**2, 4 * math.pi * (reach / step) ** 2)
-        part = 2 / (
-            9 * components * max(independent, 1.0)
-        )  # Wilson and Hilferty: the cube root of χ² is normal
-        chance = (((1 - part + limit * math.sqrt(part)) ** 3 - 1) / limit) ** 2
-        law.append(
-            [f, chance, 0.0, ROUGHER, 1.0, 0.0] if top else [f, chance, SHARES[kind], ROUGHER, limit, limit]
+        many, few = (
+            min(1 + 2 * r**2 * squared / fine.sigma**2, 4 * math.pi * (r / step) ** 2)
+            for r in (SPREAD * reach, NEAR * reach)
         )
+        part = 2 / (9 * components * max(many, 1.0))  # Wilson and Hilferty: the cube root of χ² is normal
+        chance = (((1 - part + limit * math.sqrt(part)) ** 3 - 1) / limit) ** 2
+        mean, variance = LOGARITHM[components]
+        rarely = RARE * math.sqrt(variance / max(few, 1.0)) - mean
+        expected = [0.0, ROUGHER, 1.0, 0.0] if top else [SHARES[kind], ROUGHER, limit, limit]
+        law.append([f, chance, *expected, rarely])
     return np.array(law)
 
 
@@ -276,14 +302,14 @@ def _is_cut(level: Solution) -> NDArray[np.bool_]:
     return ~(np.asarray(share) >= WHOLE)
 
 
-def _smooth(planes: Array, window: Window, grid: Grid) -> Array:
-    """Sums of planes (rows, columns, planes) under K of the coarser window."""
-    reach = SPREAD * max(window.sigma / grid.step, 1.0)
+def _smooth(planes: Array, window: Window, grid: Grid, spread: float) -> Array:
+    """Sums of planes (rows, columns, planes) under a Gaussian of `spread` times the window's σ."""
+    reach = spread * max(window.sigma / grid.step, 1.0)
     half = np.exp(-((np.arange(math.ceil(2.5 * reach) + 1) / reach) ** 2) / 2).astype(planes.dtype)
     out = np.empty_like(planes)
     over_strips(lambda start, stop: smooth_strip(planes, half, start, stop, out), grid.rows, GRID_STRIP)
     return out
 
 
-def _over(grid: Grid, strip: Any, *given: Any, out: tuple[Array, Array]) -> None:
+def _over(grid: Grid, strip: Any, *given: Any, out: tuple[Array, ...]) -> None:
     over_strips(lambda start, stop: strip(*given, start, stop, *out), grid.rows, GRID_STRIP)

@@ -11,7 +11,8 @@ for the displacement and for the gradient, and the window with the least product
 that outweighs the other.
 
 The level chosen is averaged over a quarter of its period, and the two windows about it are blended, so that the field
-has no steps (`sixflow.refine.mix`). What both leave out may be the same, so that the blend leaves out
+has no steps (`sixflow.refine.mix`); of the one that is worse here no more than the ratio of their risks,
+t ≤ R_a/R_b or 1 − t ≤ R_b/R_a. What both leave out may be the same, so that the blend leaves out
 ((1 − t) √B_a + t √B_b)², here with what is known at the point itself.
 """
 
@@ -33,7 +34,7 @@ Array = NDArray[Any]
 
 
 def risks(bands: Bands, usable: NDArray[np.bool_]) -> Array:
-    """Product of the expected squared errors of displacement and gradient; (levels, rows, columns), inf where unusable.
+    """Expected squared errors of displacement and gradient; (2, levels, rows, columns), infinite where unusable.
 
     Parameters
     ----------
@@ -41,8 +42,8 @@ def risks(bands: Bands, usable: NDArray[np.bool_]) -> Array:
     usable : bool array, shape (levels, rows, columns)
     """
     error = bands.noise + bands.expected
-    product = (error[..., 0] + error[..., 1]) * error[..., 2:].sum(axis=-1)
-    return np.where(usable & np.isfinite(product), product, np.inf)
+    both = np.stack([error[..., :2].sum(axis=-1), error[..., 2:].sum(axis=-1)])
+    return np.where(usable & np.isfinite(both), both, np.inf)
 
 
 def choose(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) -> Solution:
@@ -70,15 +71,21 @@ def choose(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) -> S
 
 def _mix(risk: Array, usable: NDArray[np.bool_], windows: tuple[Window, ...], grid: Grid) -> Mix:
     """Which two levels are blended at every point, and how."""
-    best = np.where(np.isfinite(risk).any(axis=0), risk.argmin(axis=0), len(windows) - 1)
+    product = risk[0] * risk[1]
+    best = np.where(np.isfinite(product).any(axis=0), product.argmin(axis=0), len(windows) - 1)
     height = _smooth(best, windows, grid)
     fine = _nearest(usable, np.floor(height).astype(int), upwards=False)
     coarse = _nearest(usable, np.ceil(height).astype(int), upwards=True)
     fine, coarse = np.where(fine < 0, coarse, fine), np.where(coarse < 0, fine, coarse)
     fine, coarse = np.where(fine < 0, best, fine), np.where(coarse < 0, best, coarse)
+    rows, columns = np.indices(grid.shape)
     with np.errstate(invalid="ignore", divide="ignore"):
         t = np.where(coarse > fine, np.clip((height - fine) / (coarse - fine), 0, 1), 0.0)
-    return Mix(fine, coarse, t)
+        ratio = risk[:, fine, rows, columns] / risk[:, coarse, rows, columns]
+        t = np.where(
+            np.isfinite(ratio).all(axis=0), t.clip((1 - 1 / ratio).max(axis=0), ratio.min(axis=0)), t
+        )
+    return Mix(fine, coarse, t.clip(0, 1))
 
 
 def _smooth(best: NDArray[np.intp], windows: tuple[Window, ...], grid: Grid) -> Array:
