@@ -113,8 +113,8 @@ def energy_strip(
     """N and E of a band from its planes, the same smoothed, and E of the next coarser band, rows start … stop.
 
     `band` is the planes, their sums under K, those of `log_strip` under k, and an array for K V; N is the greater of
-    f K V and f V. `law` has a row for the displacement and one for the gradient: f, the square of what chance adds to 1,
-    over z², the share of the coarser band's E that is expected, its factor where the window is cut, z, z there, and
+    f K V and f V. `law` has a row for the displacement and one for the gradient: f, the square of what chance adds to
+    1, over z², the share of the coarser band's E that is expected, its factor where the window is cut, z, z there, and
     the most that chance takes from a mean logarithm under k; `above` is 0 for the first band.
     """
     planes, sums, near, mean = band

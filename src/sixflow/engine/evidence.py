@@ -305,3 +305,38 @@ def out_strip(
                         own_cost = own.cost[y, left + a] - own.explained[y, left + a]
                         more += min(r * r / (2 * power), own.most) - own_cost
             tried[j, i] = more < own.most
+
+
+@kernel
+def mean_strip(
+    images: NDArray[Any], half: NDArray[Any], grid: tuple[int, int, int], wanted: NDArray[Any], start: int,
+    stop: int, means: NDArray[Any],
+) -> None:  # fmt: skip
+    """Means of images in the discs about those points of grid rows start … stop that are wanted.
+
+    Parameters
+    ----------
+    images : array, shape (images, height, width)
+    half : array
+        Weights of pixels along an axis by their distance from the point.
+    wanted : bool array, shape (rows, columns)
+    means : array, shape (images, rows, columns)
+        Receives the means; as it was elsewhere.
+    """
+    (x0, y0, step), reach = grid, half.size - 1
+    count, height, width = images.shape
+    sums = np.empty(count)
+    for j in range(start, stop):
+        for i in range(wanted.shape[1]):
+            if not wanted[j, i]:
+                continue
+            row, column, total = y0 + j * step, x0 + i * step, 0.0
+            sums[:] = 0
+            for y in range(max(row - reach, 0), min(row + reach + 1, height)):
+                for x in range(max(column - reach, 0), min(column + reach + 1, width)):
+                    weight = half[abs(y - row)] * half[abs(x - column)]
+                    total += weight
+                    for k in range(count):
+                        sums[k] += weight * images[k, y, x]
+            for k in range(count):
+                means[k, j, i] = sums[k] / total

@@ -18,8 +18,9 @@ correlation between the two places is R, a point that is right has L = −T + N 
     L + T − N (1 − R)/2 > z √(2 T φ),
 
 z what chance does to the largest of 16 (`normal_limit`: 8 directions, 2 discs). φ ≥ 1 is the dispersion of the costs:
-pixels of one foreign spot are not independent. From a window away a smooth field is mispredicted by more than a
-window's own fit is wrong by, so that L is negative there.
+pixels of one foreign spot are not independent. Two motions that tell T apart and cost alike are both
+wrong by a quarter of it at least: points are asked that cost z²φ/2 more than usual. From a window away a smooth field
+is mispredicted by more than a window's own fit is wrong by, so that L is negative there.
 
 *Unlike.* Where its pixels have no partner, because something hides them, or belong to a motion that nobody has
 measured, no neighbour's motion explains them, and m = ⟨c⟩ stands out of what is usual (`sixflow.judge.usual`). A point
@@ -55,29 +56,28 @@ from sixflow.engine.evidence import (
     cost_strip,
     differing_strip,
     gain_strip,
+    mean_strip,
     out_strip,
 )
 from sixflow.engine.interpolate import Interpolant
 from sixflow.engine.scales import LEAST_MISFIT, OF_CONTRAST, local_contrast
 from sixflow.engine.spline import noise_variance
 from sixflow.engine.threads import over_strips
-from sixflow.engine.window import window_sigma
+from sixflow.engine.window import CUT, window_sigma
 from sixflow.judge.contradiction import gradient_variances
-from sixflow.judge.usual import Usual, disc_of, percentiles
+from sixflow.judge.usual import Usual, usual_in
 from sixflow.maps.grid import Grid
 from sixflow.maps.neighbours import curvature, fill_failed
 from sixflow.plan import Plan
 from sixflow.prepare.frame import Frame
 from sixflow.refine.solution import Solution
 from sixflow.refine.sweep import Sweep
-from sixflow.refine.windows import image_sums
 
 DISTANCES = (1.0,)
 """Of the neighbours, windows."""
 LEAST_DISC = 2.0
 """px: standard deviation of the smallest disc; within 2 px spline and gradient take pixels from one another."""
-BLOCK = 4
-"""Windows, and twice as many grid points at least: side of the blocks whose percentiles tell what is usual."""
+_QUESTIONS = 2 * len(DIRECTIONS) * len(DISTANCES)
 _STRIP, _PIXEL_ROWS = 4, 64
 
 Array = NDArray[Any]
@@ -160,7 +160,7 @@ def _differing(
 ) -> NDArray[np.bool_]:
     """Which neighbours predict another motion for a point; shape (8 · rings, rows, columns)."""
     reach, count = _reach(found, grid), len(DIRECTIONS) * len(DISTANCES)
-    limit, far = normal_limit(2 * count), float(np.median(found.window[judged]))
+    limit, far = normal_limit(_QUESTIONS), float(np.median(found.window[judged]))
     bend = curvature(np.where(asked, found.maps, np.nan), grid.step, 2 * far)
     out = np.zeros((count, *grid.shape), np.bool_)
     over_strips(
@@ -249,20 +249,10 @@ class _Pixels:
     @cached_property
     def usual(self) -> list[Usual]:
         """What is usual in discs of every size."""
-        planes, out = self._planes(), []
-        for size in self.discs[1]:
-            small = max(size / 2, LEAST_DISC)
-            disc, m_small = disc_of(planes, self.grid, size), disc_of(planes[:3], self.grid, small).m
-            side = max(2 * BLOCK, round(BLOCK * size * 2 / window_sigma(1.0) / self.grid.step))
-            low, scatter = percentiles(disc.m, m_small, max(1, round(4 * small / self.grid.step)), side)
-            # not less than noise makes: ½ ± √(½/N) of m
-            scatter = np.maximum(scatter, 1 / (2 * math.sqrt(4 * math.pi) * small))
-            middle = np.maximum(low + scatter * small / size, math.sqrt(1 / 2))
-            dispersion = 8 * math.pi * small**2 * (2 * middle * scatter) ** 2
-            with np.errstate(divide="ignore"):
-                deviation = scatter * small / size / np.sqrt(disc.share)
-            out.append(Usual(disc.left, middle, deviation, np.maximum(1, dispersion), disc.unrelated))
-        return out
+        planes = self._planes()
+        return [
+            usual_in(planes, self.grid, size, max(size / 2, LEAST_DISC), _QUESTIONS) for size in self.discs[1]
+        ]
 
     def unlike(self) -> NDArray[np.bool_]:
         """Points whose pixels are nearer to unrelated ones than to equal ones, and not by chance or foreign spots."""
@@ -286,12 +276,13 @@ class _Pixels:
         out, reach = np.zeros(self.grid.shape, np.bool_), _reach(self.found, self.grid)
         light = np.empty((0, 0, 2)) if self.found.light is None else np.asarray(self.found.light, np.float64)
         images = np.zeros((2, *self.own.cost.shape), self.own.cost.dtype)
+        dear = np.stack([one.dear for one in self.usual])[level, *np.indices(level.shape)]
         around = 2 * math.ceil(2 * sizes[-1] / self.grid.step) + 3
         for n, those in enumerate(differing):
             if not those.any():
                 continue
             maps, known = self._told_from(n, told, reach)
-            other, tried = Other(maps, light, self.grid.origin_and_step, self.taps), those & known
+            other, tried = Other(maps, light, self.grid.origin_and_step, self.taps), those & known & dear
             over_strips(
                 lambda a, b, other=other, tried=tried: out_strip(self.frames, self.own, other, a, b, tried),  # type: ignore[misc]
                 self.grid.rows,
@@ -313,13 +304,20 @@ class _Pixels:
                 here = tried & (level == k)
                 for size in {one, max(one / 2, LEAST_DISC)} if here.any() else ():
                     pixels = 4 * math.pi * size**2
-                    sums = image_sums((images[0], images[1]), self.grid, size)
-                    saved, apart = pixels * sums[1:] / sums[0]
+                    saved, apart = pixels * self._means(images, size, here)
                     by_noise = np.minimum(pixels * independent / 2, apart)
                     with np.errstate(invalid="ignore", divide="ignore"):
                         z = (saved + apart - by_noise) / np.sqrt(2 * apart * self.usual[k].dispersion)
-                    out |= here & (saved > 0) & (z > normal_limit(2 * len(differing)))
+                    out |= here & (saved > 0) & (z > normal_limit(_QUESTIONS))
         return out
+
+    def _means(self, images: Array, size: float, points: NDArray[np.bool_]) -> Array:
+        """Means of images in the discs of a size about some points; 0 at the others."""
+        half = np.exp(-((np.arange(math.ceil(CUT * size) + 1) / size) ** 2) / 2)
+        means = np.zeros((len(images), *self.grid.shape))
+        place = self.grid.origin_and_step
+        over_strips(lambda a, b: mean_strip(images, half, place, points, a, b, means), self.grid.rows, _STRIP)
+        return means
 
     def _told_from(self, n: int, told: Array, reach: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
         """The maps that neighbours tell all points, and which are told one."""

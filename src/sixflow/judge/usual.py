@@ -14,15 +14,20 @@ the variance of m over that of noise, ½ for each of N₁ pixels. Neither m nor 
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from sixflow.chance import normal_limit
+from sixflow.engine.window import window_sigma
 from sixflow.maps.grid import Grid
 from sixflow.refine.windows import image_sums
 
+BLOCK = 4
+"""Windows, and twice as many grid points at least: side of the blocks whose percentiles tell what is usual."""
 BELOW = 15.866
 """Percent of normal deviates that are more than one standard deviation below their mean."""
 OF_DIFFERENCES = 1.4826 / np.sqrt(2)
@@ -85,6 +90,8 @@ class Usual(NamedTuple):
         φ.
     unrelated : bool array
         As in `Disc`.
+    dear : bool array
+        Points that cost more than two motions do that are told apart, and are as good (`sixflow.judge.edges`).
     """
 
     left: Array
@@ -92,6 +99,35 @@ class Usual(NamedTuple):
     deviation: Array
     dispersion: Array
     unrelated: NDArray[np.bool_]
+    dear: NDArray[np.bool_]
+
+
+def usual_in(planes: tuple[Array, ...], grid: Grid, size: float, small: float, questions: int) -> Usual:
+    """What is usual in discs of a size.
+
+    Parameters
+    ----------
+    planes : six arrays
+        As for `disc_of`.
+    grid : Grid
+    size, small : float
+        s of the discs, and of smaller ones, px.
+    questions : int
+        How many motions a point is compared with.
+    """
+    disc, within = disc_of(planes, grid, size), disc_of(planes[:3], grid, small)
+    side = max(2 * BLOCK, round(BLOCK * size * 2 / window_sigma(1.0) / grid.step))
+    low, scatter = percentiles(disc.m, within.m, max(1, round(4 * small / grid.step)), side)
+    # not less than noise makes: ½ ± √(½/N) of m
+    scatter = np.maximum(scatter, 1 / (2 * math.sqrt(4 * math.pi) * small))
+    middle = np.maximum(low + scatter * small / size, math.sqrt(1 / 2))
+    dispersion = np.maximum(1, 8 * math.pi * small**2 * (2 * middle * scatter) ** 2)
+    dear = np.zeros(grid.shape, np.bool_)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        deviation = scatter * small / size / np.sqrt(disc.share)
+        for left, s in ((disc.left, size), (within.left, small)):
+            dear |= left**2 - middle**2 > normal_limit(questions) ** 2 * dispersion / (8 * math.pi * s**2)
+    return Usual(disc.left, middle, deviation, dispersion, disc.unrelated, dear)
 
 
 def percentiles(m: Array, small: Array, apart: int, side: int) -> tuple[Array, Array]:

@@ -107,7 +107,9 @@ class Borne:
             borne = power <= cause
             effect = np.where(borne | (order == len(aims)), power, effect)
             order = np.where(borne, k, order)
-        rates = np.sqrt(effect / cause)  # of a point alone it is rough; of all points it is that of any that stay away
+        rates = np.sqrt(
+            effect / cause
+        )  # of a point alone it is rough; of all points it is that of any that stay away
         rate = np.where(order == len(aims), MOST_LEFT, np.minimum(rates, np.median(rates)).clip(0, MOST_LEFT))
         # the point's own change, not that of anything unsteady at the end of its window
         change = _power(at_order(aims, order) - at_order(before, order), reach / 2)
