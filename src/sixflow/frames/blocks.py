@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sixflow.chance import evidence_limit
-from sixflow.frames.jpeg import quantisation_noise
 
 SIDE = 8
 _TABLE = np.array(
@@ -60,6 +59,8 @@ def block_noise(frame: NDArray[Any]) -> float:
     0.0
     """
     from scipy.fft import dctn
+
+    from sixflow.frames.jpeg import quantisation_noise  # it compiles kernels
 
     rows, columns = (size // SIDE for size in frame.shape)
     if not rows * columns:

@@ -33,12 +33,17 @@ from sixflow.refine.problem import Problem, State
 
 PASSES = 3
 """Of the refinement of a second candidate, which is a whole period away and begins close to its end."""
+ROUNDING = 1e-5
+"""Of c(0): summits that differ by less are as high as each other, for what single precision tells of spectra."""
 
 Array = NDArray[np.float64]
 
 
 def period_of(frame: Frame, sigma: float) -> Array | None:
     """Period (x, y) after which the texture of a frame fits itself, px; None if it does not, as far as tiles show.
+
+    Of p and −p, which are equal summits, the one with x > 0, or y > 0 where x = 0; of others as high, the one with the
+    largest y.
 
     Examples
     --------
@@ -62,9 +67,10 @@ def period_of(frame: Frame, sigma: float) -> Array | None:
     surface = surface[near, near]
     labels, _ = scipy.ndimage.label(surface > 0.5)
     summits = (surface == scipy.ndimage.maximum_filter(surface, 3)) & (labels != labels[reach, reach])
+    summits[:, :reach] = summits[: reach + 1, reach] = False
     beyond = np.where(summits, surface, -1.0)
-    row, column = np.unravel_index(int(beyond.argmax()), beyond.shape)
-    height = float(beyond[row, column])
+    height = float(beyond.max())
+    row, column = np.argwhere(beyond >= height - ROUNDING)[-1]
     if height <= 0 or not (0 < row < 2 * reach and 0 < column < 2 * reach):
         return None
     cells = TILES**2 * (taper.sum() ** 2 / (taper**2).sum()) ** 2 / correlation_area(power, power)

@@ -1,4 +1,9 @@
-"""Camera: what the matched tiles of a pair show of the camera, in words."""
+"""Camera: what the matched tiles of a pair show of the camera, in words.
+
+Light and sharpness are seen in tiles about points that are resolved: deformation finer than a window changes spectra as
+a blur does. What stands still is seen about all points that have a value. It holds them back, in unlike windows by
+unlike amounts, and a whole field may be unresolved by that alone.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +42,10 @@ def seen_of_camera(
     """
     frames = pair.reference.frame, pair.moved.frame
     given = (found.flag & ~np.uint16(FLAGS["border"])) == 0
-    tiles = Tiles.matched(*frames, plan.grid, np.where(given, found.maps, np.nan), plan.share)
+    tiles, every = (
+        Tiles.matched(*frames, plan.grid, np.where(points, found.maps, np.nan), plan.share)
+        for points in (given, ~found.failed)
+    )
     notes: tuple[str, ...] = ()
     if found.lighting == "gain+offset" or asked.lighting == "none":
         change = Change.between(tiles, scale) if tiles.count else pair.change
@@ -48,17 +56,15 @@ def seen_of_camera(
         elif not shown:
             shown = change.seen
         notes = change.notes(asked, found.lighting, numbers) if shown else ()
-    spectra = Spectra.of(tiles)
-    if spectra is None:
-        return found, notes
+    spectra, of_every = Spectra.of(tiles), Spectra.of(every)
     pair_of_frames = f"frames {numbers[0]} and {numbers[1]}"
-    blur = spectra.blur()
+    blur = None if spectra is None else spectra.blur()
     if blur is not None:
         notes += (
             f"frame {numbers[blur.frame]} is less sharp than frame {numbers[1 - blur.frame]}: blurred by a standard "
             f"deviation of {blur.width:.1f} px more along {blur.angle:.0f}°; strain along it may be biased",
         )
-    share = stands_still(spectra)
+    share = None if of_every is None else stands_still(of_every)
     if share is not None:
         notes += (
             f"{pair_of_frames}: part of the picture stands still while the rest moves: a fixed pattern of the camera, "
