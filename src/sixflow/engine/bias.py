@@ -26,6 +26,8 @@ from sixflow.engine.compiler import kernel
 PLANES = 15
 LEAST_SQUARE = 1e-3
 """Of d² over its variance, in logarithms."""
+CUT, OUTLINED = 1, 2
+"""What cuts a window: a border of the frames, or anything inside."""
 LEAST_VARIANCE = 1e-14
 """Of frames without noise: 1/V² stays a number."""
 
@@ -148,7 +150,7 @@ def energy_strip(
                     if coarser > 0:
                         part = max(part, coarser * coarser / (coarser * coarser + doubt))
                 most = math.inf
-                if near[j, i, 0] > 1e-6:
+                if near[j, i, 0] > 1e-6 and cut[j, i] < OUTLINED:
                     most = math.exp(near[j, i, 1 + kind] / near[j, i, 0] + law[kind, 6]) - 1
                 for k in range(first, last):
                     expected = share * above[j, i, k]

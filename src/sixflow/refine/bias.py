@@ -46,7 +46,8 @@ windows pass it, and their finer bands hold other waves.
 
 Where a window is cut, by a border or a mask, its fit sees one side only and errs in first order, and at an outline
 structures begin that the inside does not have: what is found in the first band is taken at its word, and bands may fall
-as slowly as at a discontinuity.
+as slowly as at a discontinuity. Beside an outline, unlike a border, the motion is steepest where the fewest points are,
+and what is about the point bounds nothing.
 
 | symbol | name |
 |---|---|
@@ -67,6 +68,8 @@ from numpy.typing import NDArray
 
 from sixflow.chance import normal_limit
 from sixflow.engine.bias import (
+    CUT,
+    OUTLINED,
     PLANES,
     difference_strip,
     energy_strip,
@@ -76,6 +79,7 @@ from sixflow.engine.bias import (
 )
 from sixflow.engine.response import response
 from sixflow.engine.threads import over_strips
+from sixflow.engine.window import CUT as CUT_AT
 from sixflow.maps.grid import Grid
 from sixflow.plan import Window
 from sixflow.refine.solution import Solution
@@ -184,7 +188,15 @@ def bands_of(levels: list[Solution], windows: tuple[Window, ...], grid: Grid) ->
         _over(grid, log_strip, planes, law, out=(logarithms,))
         near = _smooth(logarithms, windows[b + 1], grid, NEAR)
         band = planes, _smooth(planes, windows[b + 1], grid, SPREAD), near, noise[b]
-        _over(grid, energy_strip, band, above, _is_cut(coarse), law, out=(noises[b], energies[b]))
+        _over(
+            grid,
+            energy_strip,
+            band,
+            above,
+            _cut(coarse, windows[b + 1], grid),
+            law,
+            out=(noises[b], energies[b]),
+        )
         above = energies[b]
     for b, (level, window) in enumerate(zip(levels, windows, strict=True)):
         own = _variances(level, window)
@@ -295,11 +307,14 @@ def overlap(sharpen: int, count: int) -> NDArray[np.float64]:
     return np.array([float((first * band(m)).sum() / (first * first).sum()) for m in range(count)])
 
 
-def _is_cut(level: Solution) -> NDArray[np.bool_]:
-    """Points whose window is cut by a border or a mask."""
+def _cut(level: Solution, window: Window, grid: Grid) -> NDArray[np.uint8]:
+    """What cuts the window of every point, if anything does."""
     statistics = level.statistics
     share = statistics.weight if statistics.partner is None else statistics.partner
-    return ~(np.asarray(share) >= WHOLE)
+    reach = math.ceil(CUT_AT * window.sigma / grid.step)
+    inside = np.zeros(grid.shape, np.bool_)
+    inside[reach : grid.rows - reach, reach : grid.columns - reach] = True
+    return np.where(np.asarray(share) >= WHOLE, 0, np.where(inside, OUTLINED, CUT)).astype(np.uint8)
 
 
 def _smooth(planes: Array, window: Window, grid: Grid, spread: float) -> Array:
