@@ -11,6 +11,7 @@ from sixflow import measure
 from sixflow.judge.spectra import Spectra
 from sixflow.judge.standing import stands_still
 from sixflow.maps.grid import Grid
+from sixflow.prepare.defects import repaired
 from sixflow.prepare.frame import NO_MASK, Frame
 from sixflow.prepare.lighting import Change
 from sixflow.prepare.tiles import SIDE, Tiles
@@ -208,6 +209,17 @@ CLEAN = {
 def test_a_clean_pair_has_no_notes(name, shift):
     made = pair(CLEAN[name], Affine.translation(*shift), SHAPE, sensor=Sensor(noise=2, bits=8, seed=3))
     assert measure(made.frame0, made.frame1, window=31, robust=False).attrs["notes"] == ""
+
+
+@pytest.mark.parametrize("shift", [(0.2, 0.1), (0.4, 0.3), (1.5, -1.2)], ids=str)
+def test_dead_pixels_stand_still_until_they_are_replaced(shift):
+    motion, dead = Affine.translation(*shift), np.random.default_rng(4).integers(0, SHAPE[0], (2, 500))
+    frames = [grey(frame, 1, k).astype(np.float32) for k, frame in enumerate(moved(motion))]
+    for frame in frames:
+        frame[tuple(dead)] = 255
+    assert stands_still(Spectra.of(tiles_of(*frames, motion))) is not None
+    replaced = [repaired(frame, dead) for frame in frames]
+    assert stands_still(Spectra.of(tiles_of(*replaced, motion))) is None
 
 
 def test_share_that_stands_still():

@@ -30,7 +30,8 @@ from sixflow import convention, measure, measure_sequence
 every_case = pytest.mark.parametrize(("kind", "name"), CASES)
 
 FEW_PIXELS = pytest.mark.xfail(
-    reason="beside dead pixels single pixels tell edges: 3 in 100 flags change where frames are turned",
+    reason="a pixel that is weighed in one field alone changes what a window is said to leave out: 8 of 520 points are "
+    "unresolved in one of the two",
     strict=False,
 )
 
@@ -51,7 +52,7 @@ def test_how_the_six_are_turned(how):
 
 
 @pytest.mark.parametrize("how", TURNED)
-@pytest.mark.parametrize("kind", ["speckle", pytest.param("dead", marks=FEW_PIXELS), "unmatched"])
+@pytest.mark.parametrize("kind", ["speckle", "dead", "unmatched"])
 def test_turned_frames_give_the_turned_field(kind, how):
     other = field_of(turned(recording(kind), how), "default", kind)
     assert_turned(plain_field(kind, "default"), other, how, fraction_of(kind, "default"))
@@ -60,7 +61,7 @@ def test_turned_frames_give_the_turned_field(kind, how):
 @pytest.mark.parametrize(
     ("kind", "name"),
     [
-        pytest.param(*case, marks=FEW_PIXELS if case[0] == "dead" else ())
+        pytest.param(*case, marks=FEW_PIXELS if case == ("dead", "local") else ())
         for case in CASES
         if "lowpass" not in case[1]
     ],

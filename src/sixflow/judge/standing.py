@@ -1,8 +1,9 @@
 """Standing: whether part of what a pair of frames shows stands still while the rest moves.
 
-Noise that a sensor adds to every frame in the same way, columns, a colour mosaic, a grid before the lens or a layer
-that shines through are seen at their own frequencies, which do not follow the motion. Tiles brought together by the
-measured motion u have Z = F₀* F₁ with the phase 0 where a frequency moves with the field, and k·u where it stands
+Noise that a sensor adds to every frame in the same way, columns, a colour mosaic, dead pixels, a grid before the lens
+or a layer that shines through are seen at their own frequencies, which do not follow the motion. Pixels that were
+replaced (`sixflow.prepare.defects`) follow it as their neighbours do. Tiles brought together by the measured motion u
+have Z = F₀* F₁ with the phase 0 where a frequency moves with the field, and k·u where it stands
 still. So
 
     q = Σ Im Z sin(k·u) / Σ |Z| sin²(k·u)

@@ -68,7 +68,8 @@ def seen_of_camera(
     if share is not None:
         notes += (
             f"{pair_of_frames}: part of the picture stands still while the rest moves: a fixed pattern of the camera, "
-            "reflections or a static layer, or particles finer than the pixels; motion may be pulled towards it; "
+            "dead pixels that were not found, reflections or a static layer, or particles finer than the pixels; "
+            "motion may be pulled towards it; "
             "of a recording, fixed_pattern=True takes out what all frames have in common",
         )
         found = held_back(found, share)
