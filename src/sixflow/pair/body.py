@@ -33,7 +33,7 @@ from sixflow.refine.iterate import dense, refine
 from sixflow.refine.ladder import refine_ladder
 from sixflow.refine.resolution import choose
 from sixflow.refine.solution import Solution
-from sixflow.search.growth import Scene, extrapolated
+from sixflow.search.growth import Scene, extrapolated, grown
 from sixflow.search.pyramid import finer
 from sixflow.search.stage import MOSTLY_LOST, find_motion
 
@@ -84,20 +84,23 @@ class Body:
         found = self._found(start, guess)
         if self.changed is not None and self._lighting(found) != "none":
             lit = dataclasses.replace(self, plan=self.plan.replace(lighting="gain+offset"), changed=None)
-            if not found.failed.any():
-                return lit._finished(lit._refined(found), guessed=guess is not None)
-            # points may have failed in the light that was seen as steady
-            return lit.measure(self._from(found) if found.share_failed < MOSTLY_LOST else start, guess)
+            return lit._continued(found, start, guess)
+        return self._completed(found, guess)
+
+    def _continued(self, found: Solution, start: Start | None, guess: NDArray[np.float64] | None) -> Solution:
+        """Go on from what was found in the light that was seen as steady."""
+        if not found.failed.any():
+            return self._finished(self._refined(found), guessed=guess is not None)
+        if found.share_failed < MOSTLY_LOST:  # points may have failed for the light
+            scene = self._scene
+            return self._completed(grown(scene.judge(extrapolated(found, self.grid)), scene), guess)
+        return self._completed(self._found(start, guess), guess)
+
+    def _completed(self, found: Solution, guess: NDArray[np.float64] | None) -> Solution:
+        """Refine what a search found, where it is not what is asked for, and judge the whole."""
         if self.light is not None or not self.plan.is_searched:
             found = self._refined(found)
         return self._finished(found, guessed=guess is not None)
-
-    def _from(self, found: Solution) -> Start:
-        """What a search has found, as a start."""
-        maps = extrapolated(found, self.grid)
-        if self.plan.share:
-            maps = placed(maps, self.grid, self.plan.share)
-        return Start(maps, None, ~found.failed)
 
     def _finished(self, found: Solution, *, guessed: bool) -> Solution:
         """Look at what was refined as a whole: other motions that fit, edges, the way back, points that stand alone."""
@@ -131,22 +134,27 @@ class Body:
 
     def _found(self, start: Start | None, guess: NDArray[np.float64] | None) -> Solution:
         """What the search finds, or what a start leads to."""
-        plan = self.plan.of_search
+        begun, scene = None, self._scene
+        if start is not None:
+            if self.plan.share:
+                start = dataclasses.replace(start, maps=placed(start.maps, self.grid, -self.plan.share))
+            begun = scene.judge(start.maps)
+            if start.succeeded(begun.flag, self.grid, scene.plan):
+                return begun
+        found = find_motion(scene, guess)
+        return found if begun is None or found.share_failed < begun.share_failed else begun
+
+    @property
+    def _scene(self) -> Scene:
+        """What the search for large motion is about."""
 
         def judge(maps: NDArray[Any], still: Frame, plan: Plan) -> Solution:
             part = self if still is self.still else dataclasses.replace(self, still=still, asked=still)
             return part._measured(maps, plan)
 
-        begun = None
-        if start is not None:
-            if self.plan.share:
-                start = dataclasses.replace(start, maps=placed(start.maps, self.grid, -self.plan.share))
-            begun = judge(start.maps, self.still, plan)
-            if start.succeeded(begun.flag, self.grid, plan):
-                return begun
-        refined = bool(self.plan.ladder)
-        found = find_motion(Scene(self.still, self.moved, self.grid, plan, judge, refined), guess)
-        return found if begun is None or found.share_failed < begun.share_failed else begun
+        return Scene(
+            self.still, self.moved, self.grid, self.plan.of_search, judge, refined=bool(self.plan.ladder)
+        )
 
     def _refined(self, found: Solution) -> Solution:
         """Refine what the search found once more, seen from where the plan says and with its windows."""
