@@ -21,9 +21,6 @@ from sixflow.settings import Group, Method, Reference, Settings
 
 LADDER = (8, 11, 16, 22, 31, 44, 62)
 """px: windows of `window="auto"`, each √2 larger than the one before."""
-ROUGH_PASSES = 3
-"""Upper limit of the passes of a search whose field is refined with other windows; twice as many where pixels are
-weighed."""
 SEARCHED = 31
 """px: the window that large motion is searched with where `window="auto"`."""
 SHARPEN = 2
@@ -186,12 +183,8 @@ class Plan:
 
     @property
     def of_search(self) -> Plan:
-        """The plan of the search for large motion: from frame 0, with one window that is not sharpened.
-
-        Where what it finds is refined with other windows, it need not be final: half a dozen passes are a start.
-        """
-        passes = min(self.passes, ROUGH_PASSES) if self.ladder else self.passes
-        return self.replace(window=self.window.plain, ladder=(), reference="first", passes=passes)
+        """The plan of the search for large motion: from frame 0, with one window that is not sharpened."""
+        return self.replace(window=self.window.plain, ladder=(), reference="first")
 
     def replace(self, **changes: Any) -> Plan:
         """Return the plan with some parts changed."""

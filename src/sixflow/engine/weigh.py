@@ -63,8 +63,7 @@ LEAST_GAIN = 2.0
 TYPICAL = 0.98
 """Of the blocks have to stay: pixels in doubt change sides for ever in a few of them."""
 _ROUNDS = 2
-"""Times that weights are found from the first residual: scales without the pixels that the first time left out. Later
-residuals have the scales of those that the pass before left in."""
+"""Times that weights are found from one residual: scales without the pixels that the first time left out."""
 _STRIP = 64
 
 
@@ -246,7 +245,7 @@ def find_weights(
         Share of the information, Σ |g|² of a block of 64 × 64 px, that changed; `TYPICAL` of the blocks changed less.
     """
     height, first = residual.shape[0], weight.copy()
-    for _ in range(_ROUNDS if (weight == 1).all() else 1):
+    for _ in range(_ROUNDS):
         before = weight.copy()
         scales = scales_of(residual, gradient_x, gradient_y, still, weight)
         over_strips(

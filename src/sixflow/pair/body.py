@@ -93,8 +93,7 @@ class Body:
             return self._finished(self._refined(found), guessed=guess is not None)
         if found.share_failed < MOSTLY_LOST:  # points may have failed for the light
             scene = self._scene
-            again = grown(scene.judge(extrapolated(found, self.grid)), scene)
-            return self._completed(self._settled(again), guess)
+            return self._completed(grown(scene.judge(extrapolated(found, self.grid)), scene), guess)
         return self._completed(self._found(start, guess), guess)
 
     def _completed(self, found: Solution, guess: NDArray[np.float64] | None) -> Solution:
@@ -141,16 +140,9 @@ class Body:
                 start = dataclasses.replace(start, maps=placed(start.maps, self.grid, -self.plan.share))
             begun = scene.judge(start.maps)
             if start.succeeded(begun.flag, self.grid, scene.plan):
-                return self._settled(begun)
+                return begun
         found = find_motion(scene, guess)
-        return self._settled(found if begun is None or found.share_failed < begun.share_failed else begun)
-
-    def _settled(self, found: Solution) -> Solution:
-        """What a search found, with weights of pixels that stay: those of other windows begin with them."""
-        if found.pixels is None or not found.pixels.changing or not self.plan.ladder:
-            return found
-        plan = self.plan.of_search.replace(passes=self.plan.passes)
-        return self._measured(extrapolated(found, self.grid), plan)
+        return found if begun is None or found.share_failed < begun.share_failed else begun
 
     @property
     def _scene(self) -> Scene:

@@ -133,14 +133,19 @@ class Tiles:
     def light(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean and standard deviation of both frames' tiles under their tapers; shape (2, tiles) each.
 
-        Pixels that one frame alone shows say nothing of light: of tiles that a motion brought together, those whose
-        difference stands out (`engine.weigh.FULL`) count in neither.
+        What one frame alone shows says nothing of light: of tiles that a motion brought together, pixels that are not
+        alike count in neither.
         """
         across, down = self.tapers
         weight = (down[..., :, None] * across[..., None, :]).reshape(2, self.count, SIDE**2)
-        if self.moved:
-            weight = weight * self._alike
-            weight /= weight.sum(axis=-1, keepdims=True)
+        mean, contrast = self._moments(weight)
+        if not self.moved:
+            return mean, contrast
+        weight = weight * self._alike(mean, contrast)
+        return self._moments(weight / weight.sum(axis=-1, keepdims=True))
+
+    def _moments(self, weight: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Mean and standard deviation under weights of sum 1; shape (2, tiles) each."""
         pixels = self.pixels.reshape(weight.shape)
         level = pixels[:, :, ::SIDE].mean(axis=-1)  # so that single precision does for squares
         centred = pixels - level[..., None]
@@ -148,12 +153,22 @@ class Tiles:
         contrast = np.sqrt(np.maximum(square - mean**2, 0))
         return (mean + level).astype(np.float64), contrast.astype(np.float64)
 
-    @property
-    def _alike(self) -> NDArray[np.bool_]:
-        """Pixels whose difference does not stand out of those of their tile; shape (tiles, SIDE²)."""
-        difference = (self.pixels[1] - self.pixels[0]).reshape(self.count, SIDE**2)
-        off = np.abs(difference - np.median(difference, axis=-1, keepdims=True))
-        return np.asarray(off <= FULL * NORMAL * np.median(off, axis=-1, keepdims=True))
+    def _alike(self, mean: NDArray[np.float64], contrast: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Pixels whose value in each frame is among those next to them in the other, but for light and noise.
+
+        Shape (tiles, SIDE²). Noise is the median difference, and pixels that are off by `engine.weigh.FULL` of it stand
+        out.
+        """
+        from scipy.ndimage import maximum_filter, minimum_filter
+
+        scale = np.where(contrast > 0, contrast, 1)[..., None, None]
+        first, second = (self.pixels - mean[..., None, None]) / scale
+        noise = NORMAL * np.median(np.abs(second - first), axis=(1, 2), keepdims=True)
+        alike, around = np.ones(first.shape, np.bool_), (1, 3, 3)
+        for one, other in ((first, second), (second, first)):
+            alike &= other <= maximum_filter(one, around) + FULL * noise
+            alike &= other >= minimum_filter(one, around) - FULL * noise
+        return alike.reshape(self.count, SIDE**2)
 
     @property
     def steepness(self) -> NDArray[np.float64]:
