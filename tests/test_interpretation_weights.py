@@ -97,7 +97,7 @@ def gradient_power(frame, axis):
 def test_share_of_noise_from_the_covariances_of_a_field(noise):
     motion = synth.Affine.translation(0.4, 0.3)
     made = synth.pair(synth.Speckle(seed=3), motion, SHAPE, sensor=synth.Sensor(noise=noise, seed=1))
-    points = select_points(sixflow.measure(made.frame0, made.frame1), None, 0, False)
+    points = select_points(sixflow.measure(made.frame0, made.frame1, window=31), None, 0, False)
     T = unknowns_from_six(points.sigma)
     found = noise_share(
         np.linalg.inv(T @ points.covariance[points.used] @ T.T), points.sigma, points.gradient_noise

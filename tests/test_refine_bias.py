@@ -10,6 +10,7 @@ from sixflow.engine.response import response
 from sixflow.maps.grid import Grid
 from sixflow.maps.six import maps_of_six
 from sixflow.plan import LADDER, SHARPEN, Window
+from sixflow.refine import bias
 from sixflow.refine.bias import bands_of, bias_of, difference_noise, overlap
 from sixflow.refine.resolution import choose
 from sixflow.refine.solution import Solution, WindowStatistics
@@ -102,16 +103,37 @@ def test_a_band_is_there_if_chance_does_not_explain_it(first, more, is_there):
     assert (found[1] > 0) == is_there
 
 
-def test_points_count_over_twice_the_window():
-    """One point that differs: K spreads it with a standard deviation of twice the coarser window's."""
+def one_that_differs(others):
+    """Expected squares of what the middle window leaves out along a line, where one point differs by 1 px."""
     windows = COARSE[1:]
     six = np.zeros((SIDE, SIDE, 6))
+    six[..., :2] = others
     six[24, 24, :2] = 1.0
-    expected = bands_of(
-        [level(windows[0], six, TINY), level(windows[1], np.zeros_like(six), TINY)], windows, GRID
-    ).expected[1, 24, :, 0]
-    reach = 2 * windows[1].sigma / STEP
+    levels = [level(windows[0], six, TINY), level(windows[1], np.zeros_like(six), TINY)]
+    return bands_of(levels, windows, GRID).expected[1, 24, :, 0].astype(float)
+
+
+def test_points_count_over_twice_the_window(monkeypatch):
+    """One point that differs: K spreads it with a standard deviation of twice the coarser window's."""
+    monkeypatch.setattr(bias, "RARE", 1e3)  # nothing is too rare
+    bias.law_of.cache_clear()
+    expected = one_that_differs(0.0)
+    bias.law_of.cache_clear()
+    reach = 2 * COARSE[2].sigma / STEP
     assert expected[29] / expected[24] == pytest.approx(math.exp(-(25) / (2 * reach**2)), rel=1e-3)
+
+
+def test_what_is_far_does_not_count_where_points_know_better():
+    """Beyond k's reach of a point that differs, energy is what the points there show, and one standard deviation."""
+    (_, squared), _ = difference_noise(math.sqrt(2), SHARPEN)
+    independent = 1 + 2 * COARSE[2].sigma**2 * squared / COARSE[1].sigma**2
+    most = math.exp(0.5772 + math.sqrt(1.6449 / independent))  # of exponential deviates: γ, π²/6
+    expected = one_that_differs(0.01)
+    k = math.ceil(2.5 * COARSE[2].sigma / STEP)
+    assert 24 + k + 2 < 24 + 2 * k  # K reaches on
+    within, share = expected[24 + k + 2], expected[24 + k + 2] / 1e-4 / (1 + beyond(math.sqrt(0.5)))
+    assert within > 0
+    assert share == pytest.approx(most, rel=0.02)
 
 
 def test_windows_that_bear_no_sharpening_leave_out_what_plain_ones_do():

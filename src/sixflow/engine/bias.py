@@ -159,7 +159,7 @@ def energy_strip(
                         expected = max(0.0, expected + part * gap)
                         if planes[j, i, 0] > 0:
                             noise[j, i, k] = max(noise[j, i, k], f / planes[j, i, 7 + k])
-                        expected = min(expected, max(0.0, most * noise[j, i, k]))
+                        expected = min(expected, max(share * above[j, i, k], most * noise[j, i, k]))
                     energy[j, i, k] = expected
 
 

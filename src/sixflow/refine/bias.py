@@ -25,8 +25,8 @@ first band has no coarser: E = 0 is expected. It is what noise hides least, and 
 there z = 1. Components of a kind are judged together.
 
 K spreads over four windows, and one discontinuity, or anything foreign, that far away makes E what it is not here.
-But E + N is not more than the differences about the point allow: with k the mean under a Gaussian as wide as the
-window, of logarithms, which nothing single rules,
+But what is found, beyond what is expected, is not more than the differences about the point allow: with k the mean of
+logarithms, which nothing single rules, under a Gaussian as wide as the window,
 
     ln (E + N) < k ln d² − x',    x' = ψ(n/2) − ln n/2 − z √(ψ′(n/2)/m)
 

@@ -83,7 +83,7 @@ def evidence(correlation: NDArray[Any], cells: NDArray[Any]) -> Array:
     Examples
     --------
     >>> evidence(np.array([0.0, 0.5, 0.9]), np.array([100.0, 100.0, 8.0])).round(1)
-    array([ 0. ,  8.3,  0. ])
+    array([0. , 8.2, 0. ])
     """
     a, b = PARAMETERS / 2, (np.asarray(cells, np.float64) - 1 - PARAMETERS) / 2
     with np.errstate(invalid="ignore", divide="ignore"):
