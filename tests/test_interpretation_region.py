@@ -124,7 +124,9 @@ def test_rendered_plane_is_seen_as_the_model_says():
     made = synth.pair(synth.Speckle(seed=4), view, SHAPE)
     field = sixflow.measure(made.frame0, made.frame1, window=31)
     x, y = np.meshgrid(field.x, field.y)
-    whole = (field.flag.values[0] & ~np.uint16(FLAGS["unresolved"])) == 0  # without noise, all that is left is bias
+    whole = (
+        field.flag.values[0] & ~np.uint16(FLAGS["unresolved"])
+    ) == 0  # without noise, all that is left is bias
     seen = np.stack([field.u.values[0], field.v.values[0]], axis=-1) - made.truth(x, y)[..., :2]
     expected = (plane_in_view(CAMERA, PLANE, MOTION)(x.astype(float), y.astype(float)) - made.truth(x, y))[
         ..., :2

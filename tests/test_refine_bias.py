@@ -126,7 +126,7 @@ def test_points_count_over_twice_the_window(monkeypatch):
 def test_what_is_far_does_not_count_where_points_know_better():
     """Beyond k's reach of a point that differs, energy is what the points there show, and one standard deviation."""
     (_, squared), _ = difference_noise(math.sqrt(2), SHARPEN)
-    independent = 1 + 2 * COARSE[2].sigma**2 * squared / COARSE[1].sigma**2
+    independent = 1 + 2 * COARSE[2].sigma ** 2 * squared / COARSE[1].sigma ** 2
     most = math.exp(0.5772 + math.sqrt(1.6449 / independent))  # of exponential deviates: γ, π²/6
     expected = one_that_differs(0.01)
     k = math.ceil(2.5 * COARSE[2].sigma / STEP)
